@@ -1,0 +1,161 @@
+"""Is a GNSS log in the units its column names claim?
+
+Positions and velocities of one log tell the same motion. Where both are given, the ratio of the two shows a wrong unit
+or sign at once. Where only positions are given, radians in a column of degrees put the log within 1.6 degrees of the
+equator and 3.2 of the prime meridian, which is open sea (the nearest land is over 300 km away), and make it 57 times
+slower than it was.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from navfuse.errors import InputError
+
+Array = np.ndarray
+
+_EARTH_RADIUS = 6371e3
+_DEG = np.pi / 180.0
+_FAST = 6.0
+_TOO_FAST = 350.0
+_ALIKE = 0.9
+
+
+def check_position_units(
+    time: Array,
+    lat: Array,
+    lon: Array,
+    height: Array,
+    velocity_n: Array | None,
+    names: tuple[str, ...],
+    source: str,
+) -> list[str]:
+    """Look for radians in columns of degrees, and for heights in millimetres.
+
+    Parameters
+    ----------
+    time : (n,) array [s]
+        Strictly increasing, n >= 2.
+    lat, lon, height : (n,) arrays [rad, rad, m]
+        Positions, by their column names.
+    velocity_n : (n, 3) array [m/s] or None
+        May hold NaN.
+    names : tuple of 3 str
+        Columns of latitude, longitude, height.
+    source : str
+        File, for messages.
+
+    Returns
+    -------
+    list of str
+        Notes on what looks odd.
+
+    Raises
+    ------
+    InputError
+        If the positions can only be radians: the velocities say so, or the log creeps about in the Gulf of Guinea.
+    """
+    notes = []
+    if float(np.median(np.abs(height))) > 1e5:
+        notes.append(
+            f"{source}: column '{names[2]}': the median height is {np.median(height) / 1e3:.0f} km; is it in"
+            " millimetres?"
+        )
+    if not (names[0].endswith("deg") and names[1].endswith("deg")):
+        return notes
+    in_box = (np.abs(lat) <= np.pi / 2.0 * _DEG).all() and (np.abs(lon) <= np.pi * _DEG).all()
+    if not in_box or (np.hypot(lat, lon) < 0.02 * _DEG).all():
+        return notes
+    lat_range, lon_range = (f"{np.degrees(x).min():.4g}..{np.degrees(x).max():.4g}" for x in (lat, lon))
+    fault = f"{source}: columns '{names[0]}', '{names[1]}': the values lie in {lat_range} and {lon_range}"
+    remedy = "rename them to lat_rad, lon_rad"
+    if velocity_n is not None:
+        if _moves_alike(time, lat, lon, height, velocity_n):
+            return notes
+        if _moves_alike(time, lat / _DEG, lon / _DEG, height, velocity_n):
+            raise InputError(f"{fault}; only as radians do they move as the velocities say: {remedy}")
+    speed = _fastest(time, lat, lon)
+    if speed > _FAST or speed / _DEG > _TOO_FAST:
+        return notes
+    if (np.abs(lat) < 0.2 * _DEG).all() and (np.abs(lon) < 0.2 * _DEG).all():
+        return [*notes, f"{fault}, within 22 km of 0 N 0 E; if they are radians, {remedy}"]
+    raise InputError(
+        f"{fault}, open sea in the Gulf of Guinea where nothing moved faster than {speed:.2g} m/s: these look like"
+        f" radians; {remedy}. If the log really is from there, add its velocity columns"
+    )
+
+
+def check_velocity_units(
+    time: Array, lat: Array, lon: Array, height: Array, velocity_n: Array, names: tuple[str, ...], source: str
+) -> list[str]:
+    """Compare velocities with the motion of the positions.
+
+    Parameters
+    ----------
+    time, lat, lon, height, velocity_n
+        As in :func:`check_position_units`.
+    names : tuple of 3 str
+        Columns of the velocities.
+    source : str
+        File, for messages.
+
+    Returns
+    -------
+    list of str
+        A note if horizontal or vertical velocity is a clear multiple, or has the opposite sign, of what the positions
+        do.
+    """
+    notes = []
+    for (ratio, correlation, rms), columns in zip(
+        _motion_ratio(time, lat, lon, height, velocity_n), (f"'{names[0]}', '{names[1]}'", f"'{names[2]}'"), strict=True
+    ):
+        if rms > 0.3 and abs(correlation) > _ALIKE and not 0.7 < ratio < 1.4:
+            cause = (
+                "is up positive instead of down, or the sign wrong"
+                if ratio < 0.0
+                else "is a unit wrong or are columns exchanged"
+            )
+            notes.append(
+                f"{source}: column {columns}: the positions move {ratio:.2f} times as fast as these velocities say;"
+                f" {cause}?"
+            )
+    return notes
+
+
+def _moves_alike(time: Array, lat: Array, lon: Array, height: Array, velocity_n: Array) -> bool:
+    ratio, correlation, _ = _motion_ratio(time, lat, lon, height, velocity_n)[0]
+    return correlation > _ALIKE and abs(ratio - 1.0) < 0.5
+
+
+def _motion_ratio(
+    time: Array, lat: Array, lon: Array, height: Array, velocity_n: Array
+) -> list[tuple[float, float, float]]:
+    """Ratio of displacement to integrated velocity, their correlation, rms velocity [m/s]; horizontal, then vertical.
+
+    Outliers of either side lower the correlation, and with it the standing of the ratio.
+    """
+    step = np.diff(time)
+    mean = 0.5 * (velocity_n[1:] + velocity_n[:-1])
+    radius = _EARTH_RADIUS + height[:-1]
+    east = (np.diff(lon) + np.pi) % (2.0 * np.pi) - np.pi
+    moved = np.column_stack((np.diff(lat) * radius, east * radius * np.cos(lat[:-1]), -np.diff(height)))
+    usable = np.isfinite(mean).all(axis=1) & (step < 3.0 * np.median(step))
+    ratios = []
+    for axes in ([0, 1], [2]):
+        expected, seen = (mean[usable] * step[usable, None])[:, axes].ravel(), moved[usable][:, axes].ravel()
+        power = float(expected @ expected)
+        if expected.size < 20 or power == 0.0 or not seen.any():
+            ratios.append((1.0, 0.0, 0.0))
+            continue
+        product = float(expected @ seen)
+        correlation = product / np.sqrt(power * float(seen @ seen))
+        ratios.append((product / power, correlation, float(np.sqrt(np.mean(mean[usable][:, axes] ** 2)))))
+    return ratios
+
+
+def _fastest(time: Array, lat: Array, lon: Array) -> float:
+    """Largest speed [m/s] over stretches of about ten seconds."""
+    ends = np.unique(np.searchsorted(time, np.arange(time[0], time[-1], 10.0)))
+    ends = np.append(ends[:-1], time.size - 1) if ends.size > 1 else np.array([0, time.size - 1])
+    moved = np.hypot(np.diff(lat[ends]), np.diff(lon[ends]) * np.cos(lat[ends[:-1]])) * _EARTH_RADIUS
+    return float(np.max(moved / np.diff(time[ends])))

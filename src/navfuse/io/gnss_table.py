@@ -1,0 +1,129 @@
+"""GNSS logs: native CSV and Parquet tables, and other formats by their extension."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from navfuse.data.logs import GnssLog
+from navfuse.errors import ConfigError, NavfuseWarning
+from navfuse.io.columns import Field, Match, fields, match_columns, require, require_all_or_none
+from navfuse.io.gnss_rows import GnssNames, GnssRows, gnss_log
+from navfuse.io.rtklib_pos import parse_rtklib_pos
+from navfuse.io.tables import EXTENSIONS, check_file, open_table
+from navfuse.io.units import scaled
+
+Array = np.ndarray
+
+REQUIRED = (Field("time", "time", "s"), *fields("angle", "deg", "lat", "lon"), Field("height", "length", "m"))
+SD_POSITION = fields("length", "m", "sd_north", "sd_east", "sd_down")
+VELOCITY = fields("speed", "mps", "vn", "ve", "vd")
+SD_VELOCITY = fields("speed", "mps", "sd_vn", "sd_ve", "sd_vd")
+FIX = Field("fix", text=True)
+N_SATELLITES = Field("n_satellites")
+
+
+def read_gnss(
+    path: str | os.PathLike[str], *, time_offset_s: float = 0.0, epoch: tuple[int, float] | None = None
+) -> GnssLog:
+    """Read a GNSS log.
+
+    A native table has ``time_s, lat_deg, lon_deg, height_m`` and optionally ``sd_{north,east,down}_m``, ``vn_mps,
+    ve_mps, vd_mps``, ``sd_{vn,ve,vd}_mps``, ``fix``, ``n_satellites``; any unit of :mod:`navfuse.io.units` may stand
+    in place of these. A ``.pos`` file is read by :mod:`navfuse.io.rtklib_pos`. Checks, repairs and the defaults of
+    missing standard deviations are those of :func:`navfuse.io.gnss_rows.gnss_log`.
+
+    Parameters
+    ----------
+    path : path-like
+        A ``.csv``, ``.parquet`` or RTKLIB ``.pos`` file.
+    time_offset_s : float
+        Added to the stamps [s].
+    epoch : (week, seconds of week), optional
+        GPS time that stamps of a ``.pos`` file are counted from; default the start of the GPS week of its first row.
+        Native tables hold their stamps ready and accept none.
+
+    Returns
+    -------
+    GnssLog
+        SI units, time increasing strictly. `notes` holds the text of every warning.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used; the message names row and column and what to do.
+    ConfigError
+        If `time_offset_s` or `epoch` is not usable.
+
+    Warns
+    -----
+    NavfuseWarning
+        For every repair, every default and everything that looks odd without being certainly wrong.
+    """
+    if not np.isfinite(time_offset_s):
+        raise ConfigError(f"time_offset_s = {time_offset_s} has to be a finite number of seconds")
+    path = check_file(path, (*EXTENSIONS, ".pos"))
+    if path.suffix.lower() == ".pos":
+        log = parse_rtklib_pos(path, time_offset_s, epoch)
+    elif epoch is not None:
+        raise ConfigError(
+            f"epoch = {epoch}: {path} is a native table, whose time_s is relative already; leave epoch out"
+        )
+    else:
+        log = _parse_table(path, time_offset_s)
+    for note in log.notes:
+        warnings.warn(note, NavfuseWarning, stacklevel=2)
+    return log
+
+
+def _parse_table(path: Path, time_offset_s: float) -> GnssLog:
+    table = open_table(path)
+    match = match_columns(
+        table.names, (*REQUIRED, *SD_POSITION, *VELOCITY, *SD_VELOCITY, FIX, N_SATELLITES), table.source
+    )
+    require(match, REQUIRED, "a GNSS table")
+    has_velocity = require_all_or_none(match, VELOCITY, "a GNSS table with velocities")
+    has_fix = match.has([FIX.base])
+    text = [match.column[FIX.base]] if has_fix else []
+    values = table.read([name for name in match.column.values() if name not in text], text)
+
+    def column(field: Field) -> Array:
+        if field.base not in match.column:
+            return np.full(len(values[match.column["time"]]), np.nan)
+        return scaled(values[match.column[field.base]], match.factor[field.base])
+
+    def triad(group: tuple[Field, ...]) -> Array | None:
+        if not any(field.base in match.column for field in group):
+            return None
+        return np.column_stack([column(field) for field in group])
+
+    time, lat, lon, height = (column(field) for field in REQUIRED)
+    rows = GnssRows(
+        time=time + time_offset_s,
+        lat=lat,
+        lon=lon,
+        height=height,
+        sd_position=triad(SD_POSITION),
+        velocity_n=triad(VELOCITY) if has_velocity else None,
+        sd_velocity=triad(SD_VELOCITY) if has_velocity else None,
+        fix=values[match.column[FIX.base]] if has_fix else None,
+        n_satellites=column(N_SATELLITES) if match.has([N_SATELLITES.base]) else None,
+    )
+    return gnss_log(rows, _names(match), table.source, table.where, [*table.notes, *match.note_unknown()])
+
+
+def _names(match: Match) -> GnssNames:
+    def name(field: Field) -> str:
+        return match.column.get(field.base, field.name)
+
+    time, lat, lon, height = (name(field) for field in REQUIRED)
+    return GnssNames(
+        time,
+        lat,
+        lon,
+        height,
+        *(tuple(name(field) for field in group) for group in (SD_POSITION, VELOCITY, SD_VELOCITY)),
+    )

@@ -1,0 +1,58 @@
+"""Calendar dates of files as seconds of GPS time.
+
+GPS time runs without leap seconds since 1980-01-06 00:00:00 UTC (IS-GPS-200, 3.3.4). UTC gets a leap second now and
+then, announced by the IERS in Bulletin C; the table here holds all of them since GPS time began, the last at the end
+of 2016. None was announced up to December 2025 (Bulletin C 70).
+"""
+
+from __future__ import annotations
+
+from datetime import date
+
+WEEK = 604800.0
+DAY = 86400.0
+
+_EPOCH = date(1980, 1, 6).toordinal()
+
+_LEAP_DATES = (
+    (1981, 7, 1), (1982, 7, 1), (1983, 7, 1), (1985, 7, 1), (1988, 1, 1), (1990, 1, 1),
+    (1991, 1, 1), (1992, 7, 1), (1993, 7, 1), (1994, 7, 1), (1996, 1, 1), (1997, 7, 1),
+    (1999, 1, 1), (2006, 1, 1), (2009, 1, 1), (2012, 7, 1), (2015, 7, 1), (2017, 1, 1),
+)  # fmt: skip
+_LEAP_DAYS = tuple(date(*day).toordinal() - _EPOCH for day in _LEAP_DATES)
+
+
+def days_since_epoch(year: int, month: int, day: int) -> int:
+    """Days from 1980-01-06 to a date of the Gregorian calendar.
+
+    Parameters
+    ----------
+    year, month, day : int
+        Date.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    ValueError
+        If there is no such date.
+    """
+    return date(year, month, day).toordinal() - _EPOCH
+
+
+def leap_seconds(days: int) -> int:
+    """GPS time minus UTC [s] during a UTC day.
+
+    Parameters
+    ----------
+    days : int
+        UTC days since 1980-01-06. During the leap second that ends a day the value is still that of the day.
+
+    Returns
+    -------
+    int
+        0 to 18; the last value is kept for days after the table.
+    """
+    return sum(days >= leap for leap in _LEAP_DAYS)

@@ -1,0 +1,130 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from navfuse.errors import InputError, NavfuseWarning
+from navfuse.io.gnss_plausibility import check_position_units, check_velocity_units
+from navfuse.io.gnss_table import read_gnss
+from navfuse.io.tables import open_table, write_table
+
+NAMES = ("lat_deg", "lon_deg", "height_m")
+VELOCITY = ("vn_mps", "ve_mps", "vd_mps")
+
+
+def drive(lat_deg=48.0, lon_deg=11.5, speed=12.0, n=300, noise=0.0):
+    """Positions [rad, rad, m] and velocities of a round drive, 1 Hz."""
+    time = np.arange(float(n))
+    angle = 0.02 * time
+    velocity = np.column_stack((speed * np.cos(angle), speed * np.sin(angle), 0.5 * np.sin(0.1 * time)))
+    scatter = noise * np.random.default_rng(1).standard_normal((n, 2))
+    north = speed / 0.02 * np.sin(angle) + scatter[:, 0]
+    east = speed / 0.02 * (1.0 - np.cos(angle)) + scatter[:, 1]
+    lat = np.radians(lat_deg) + north / 6371e3
+    lon = np.radians(lon_deg) + east / 6371e3 / np.cos(np.radians(lat_deg))
+    return time, lat, lon, 500.0 + 5.0 * np.cos(0.1 * time), velocity
+
+
+def radians_as_degrees(time, lat, lon, height, velocity):
+    return time, np.radians(lat), np.radians(lon), height, velocity
+
+
+def test_degrees_pass():
+    *position, velocity = drive()
+    assert check_position_units(*position, velocity, NAMES, "f") == []
+    assert check_position_units(*position, None, NAMES, "f") == []
+    assert check_velocity_units(*position, velocity, VELOCITY, "f") == []
+
+
+@pytest.mark.parametrize("lat_deg", [48.0, -75.0])
+def test_radians_with_velocity_are_certain(lat_deg):
+    time, lat, lon, height, velocity = radians_as_degrees(*drive(lat_deg=lat_deg, speed=200.0))
+    with pytest.raises(InputError, match="only as radians do they move as the velocities say: rename them to lat_rad"):
+        check_position_units(time, lat, lon, height, velocity, NAMES, "f")
+
+
+@pytest.mark.parametrize("noise", [0.0, 2.0])
+def test_radians_without_velocity(noise):
+    time, lat, lon, height, _ = radians_as_degrees(*drive(noise=noise))
+    with pytest.raises(InputError, match="open sea in the Gulf of Guinea .* look like radians; rename them to lat_rad"):
+        check_position_units(time, lat, lon, height, None, NAMES, "f")
+
+
+def test_radians_with_velocity_that_tells_nothing():
+    time, lat, lon, height, velocity = radians_as_degrees(*drive(speed=0.0))
+    with pytest.raises(InputError, match="look like radians"):
+        check_position_units(time, lat, lon, height, velocity, NAMES, "f")
+
+
+def test_radian_columns_are_not_suspected():
+    time, lat, lon, height, _ = radians_as_degrees(*drive())
+    assert check_position_units(time, lat, lon, height, None, ("lat_rad", "lon_rad", "height_m"), "f") == []
+
+
+def test_ship_in_the_gulf_of_guinea():
+    *position, velocity = drive(lat_deg=0.7, lon_deg=2.0, speed=7.0)
+    assert check_position_units(*position, velocity, NAMES, "f") == []
+    assert check_position_units(*position, None, NAMES, "f") == []
+
+
+def test_test_range_at_zero_zero():
+    *position, _ = drive(lat_deg=0.0, lon_deg=0.0, speed=1.0)
+    assert check_position_units(*position, None, NAMES, "f") == []
+    *position, _ = drive(lat_deg=0.1, lon_deg=0.1, speed=1.0)
+    (note,) = check_position_units(*position, None, NAMES, "f")
+    assert "within 22 km of 0 N 0 E; if they are radians, rename them to lat_rad" in note
+
+
+def test_two_fixes():
+    time, lat, lon, height, velocity = (array[:2] for array in radians_as_degrees(*drive()))
+    with pytest.raises(InputError, match="look like radians"):
+        check_position_units(time, lat, lon, height, velocity, NAMES, "f")
+
+
+def test_height_in_millimetres():
+    time, lat, lon, height, velocity = drive()
+    (note,) = check_position_units(time, lat, lon, 1000.0 * height, velocity, NAMES, "f")
+    assert note == "f: column 'height_m': the median height is 500 km; is it in millimetres?"
+
+
+def test_upward_velocity_in_a_downward_column():
+    *position, velocity = drive()
+    (note,) = check_velocity_units(*position, velocity * (1.0, 1.0, -1.0), VELOCITY, "f")
+    assert "column 'vd_mps': the positions move -1.00 times as fast as these velocities say; is up positive" in note
+
+
+def test_kmph_in_a_mps_column():
+    *position, velocity = drive()
+    (note,) = check_velocity_units(*position, velocity * (3.6, 3.6, 1.0), VELOCITY, "f")
+    assert "column 'vn_mps', 've_mps': the positions move 0.28 times as fast" in note
+    assert "is a unit wrong or are columns exchanged?" in note
+
+
+def test_noise_and_outliers_raise_no_suspicion():
+    *position, velocity = drive(noise=20.0)
+    velocity = velocity + 100.0 * (np.random.default_rng(2).random((300, 3)) < 0.01)
+    assert check_velocity_units(*position, velocity, VELOCITY, "f") == []
+
+
+def test_standing_log_raises_no_suspicion():
+    *position, velocity = drive(speed=0.0)
+    assert check_velocity_units(*position, 0.0 * velocity, VELOCITY, "f") == []
+
+
+def test_reader_passes_notes_on(write, gnss):
+    gnss["vd_mps"] = -gnss["vd_mps"]
+    gnss["height_m"] *= 1000.0
+    with pytest.warns(NavfuseWarning) as caught:
+        log = read_gnss(write(gnss))
+    assert log.notes == tuple(str(warning.message) for warning in caught)
+    assert "is it in millimetres" in log.notes[0]
+
+
+@pytest.mark.parametrize("folder", ["car-1h-200hz", "rtklibexplorer-drive"])
+def test_shared_logs_in_radians(shared_data, tmp_path, folder):
+    table = open_table(shared_data / folder / "gnss.csv")
+    columns = table.read([name for name in table.names if name != "fix"])
+    columns |= {name: np.radians(columns[name]) for name in ("lat_deg", "lon_deg")}
+    write_table(tmp_path / "gnss.csv", columns)
+    with pytest.raises(InputError, match="radians.* rename them to lat_rad, lon_rad"):
+        read_gnss(tmp_path / "gnss.csv")
