@@ -1,0 +1,258 @@
+"""From perfect measurements to realistic ones: IMU errors by the error model of the engine, and GNSS fixes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from navfuse.core.earth import ecef_to_geodetic_batch
+from navfuse.core.rotation import dcm_from_quat_batch
+from navfuse.core.stochastic import gauss_markov_decay, gauss_markov_noise, random_walk_noise
+from navfuse.data.logs import GnssLog, ImuLog
+from navfuse.errors import ConfigError, InputError
+from navfuse.simulation.perfect_imu import sample_times
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from navfuse.imu.error_model import ImuErrorModel
+    from navfuse.simulation.motion import Motion
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImuErrorTruth:
+    """The errors that were put into an IMU log: ``measured = (I + M) true + bias + noise``.
+
+    Attributes
+    ----------
+    time : (n,) array [s]
+        Stamps of the log.
+    gyro_bias, accel_bias : (n, 3) arrays [rad/s], [m/s^2]
+        Held constant over the interval that ends at the stamp.
+    gyro_scale, accel_scale : (n, 3) arrays [1]
+        Diagonal of M; read-only and constant along n where the model says so.
+    gyro_cross, accel_cross : (3, 3) arrays [rad]
+        Off-diagonal part of M, zero diagonal.
+    """
+
+    time: Array
+    gyro_bias: Array
+    accel_bias: Array
+    gyro_scale: Array
+    accel_scale: Array
+    gyro_cross: Array
+    accel_cross: Array
+
+
+@njit(cache=True, error_model="numpy")
+def _wander(dt, tau, sigma, walk, out):
+    """Turn unit normals `out` (n, 3) into Gauss-Markov or walking paths in place; they start with deviation `sigma`."""
+    for j in range(3):
+        out[0, j] *= sigma[j]
+        for k in range(1, dt.size):
+            drive = gauss_markov_noise(sigma[j], dt[k], tau) + random_walk_noise(walk[j] * walk[j], dt[k])
+            out[k, j] = gauss_markov_decay(dt[k], tau) * out[k - 1, j] + math.sqrt(drive) * out[k, j]
+
+
+def gauss_markov(time: ArrayLike, sd: ArrayLike, tau: float, walk: ArrayLike, rng: np.random.Generator) -> Array:
+    """Random paths of a slowly changing sensor error on three axes.
+
+    Parameters
+    ----------
+    time : (n,) array [s]
+        Increasing, any spacing.
+    sd, walk : number or (3,) array
+        As in :class:`~navfuse.imu.error_model.ImuErrorModel`.
+    tau : float [s]
+        Correlation time; inf for a constant plus random walk.
+    rng : numpy Generator
+
+    Returns
+    -------
+    (n, 3) array
+        In the unit of `sd`. With finite tau the process is stationary from the first sample on; without tau and walk,
+        one draw is repeated (a read-only view).
+    """
+    time = np.asarray(time, dtype=float)
+    sd3, walk3 = (np.broadcast_to(np.asarray(x, dtype=float), (3,)).copy() for x in (sd, walk))
+    if not math.isfinite(tau) and not walk3.any():
+        return np.broadcast_to(rng.standard_normal(3) * sd3, (time.size, 3))
+    path = rng.standard_normal((time.size, 3))
+    _wander(np.diff(time, prepend=time[0]), tau, sd3, walk3, path)
+    return path
+
+
+def add_imu_errors(log: ImuLog, model: ImuErrorModel, rng: np.random.Generator) -> tuple[ImuLog, ImuErrorTruth]:
+    """A log as a real sensor would have written it.
+
+    Parameters
+    ----------
+    log : ImuLog
+        Perfect, rates or increments, any spacing.
+    model : ImuErrorModel
+    rng : numpy Generator
+        Advanced only by spawning children, one per error, so that changing one parameter leaves the draws of the others
+        alone.
+
+    Returns
+    -------
+    measured : ImuLog
+    truth : ImuErrorTruth
+
+    Notes
+    -----
+    White noise has the standard deviation ``arw * sqrt(dt)`` per increment, or ``arw / sqrt(dt)`` per rate
+    sample, with dt the interval that ends at the sample (for the first one, the next). Biases and scale factors are
+    exact discrete Gauss-Markov processes.
+    """
+    streams = rng.spawn(8)
+    dt = np.diff(log.time, prepend=log.time[0])
+    dt[0] = dt[1] if dt.size > 1 else 0.0
+    gain = np.ones_like(dt) if log.kind == "rates" else dt
+    per_noise = np.sqrt(dt) if log.kind == "increments" else 1.0 / np.sqrt(np.where(dt > 0.0, dt, np.inf))
+    measured, drawn = {}, {}
+    for offset, sensor, values, white in ((0, "gyro", log.gyro, model.arw), (4, "accel", log.accel, model.vrw)):
+        bias = gauss_markov(
+            log.time,
+            model.axes(f"{sensor}_bias_sd"),
+            getattr(model, f"{sensor}_bias_tau"),
+            model.axes(f"{sensor}_bias_walk"),
+            streams[offset],
+        )
+        scale = gauss_markov(
+            log.time, model.axes(f"{sensor}_scale_sd"), getattr(model, f"{sensor}_scale_tau"), 0.0, streams[offset + 1]
+        )
+        cross = getattr(model, f"{sensor}_cross_sd") * streams[offset + 2].standard_normal((3, 3))
+        np.fill_diagonal(cross, 0.0)
+        out = streams[offset + 3].standard_normal(values.shape)
+        out *= (white * per_noise)[:, None]
+        out += values
+        out += scale * values
+        out += values @ cross.T
+        out += bias * gain[:, None]
+        measured[sensor] = out
+        drawn |= {f"{sensor}_bias": bias, f"{sensor}_scale": scale, f"{sensor}_cross": cross}
+    noisy = ImuLog(log.time, measured["gyro"], measured["accel"], log.kind, log.source, log.notes)
+    return noisy, ImuErrorTruth(log.time, **drawn)
+
+
+def antenna_state(motion: Motion, time: ArrayLike, lever_arm_b: ArrayLike) -> tuple[Array, Array]:
+    """Position and velocity of a point fixed to the body.
+
+    Parameters
+    ----------
+    motion : Motion
+        Of the IMU.
+    time : (n,) array [s]
+    lever_arm_b : (3,) array [m]
+        From the IMU to the point, in b.
+
+    Returns
+    -------
+    r_e, v_e : (n, 3) arrays [m], [m/s]
+        ``r + C_eb l`` and ``v + C_eb (w_eb_b x l)``: the rate is that against the Earth, as the velocity is.
+    """
+    state = motion.at(time)
+    arm = np.asarray(lever_arm_b, dtype=float)
+    C_eb = dcm_from_quat_batch(state.q_eb)
+    return state.r_e + C_eb @ arm, state.v_e + np.einsum("kij,kj->ki", C_eb, np.cross(state.w_eb_b, arm))
+
+
+def gnss_fixes(
+    motion: Motion,
+    rate: float,
+    sd_position: ArrayLike,
+    sd_velocity: ArrayLike | None,
+    lever_arm_b: ArrayLike = (0.0, 0.0, 0.0),
+    rng: np.random.Generator | None = None,
+    offset: float = 0.0,
+) -> GnssLog:
+    """GNSS fixes with white errors, whose sigmas are honest.
+
+    Parameters
+    ----------
+    motion : Motion
+        Of the IMU.
+    rate : float [Hz]
+    sd_position : (3,) array [m]
+        North, east, down; all > 0.
+    sd_velocity : (3,) array [m/s] or None
+        North, east, down, all > 0; None leaves the velocity out.
+    lever_arm_b : (3,) array [m]
+        IMU to antenna, in b.
+    rng : numpy Generator or None
+        None for fixes without errors (the sigmas are stated all the same).
+    offset : float [s], >= 0
+        First fix this long after the start of the motion, to put fixes between IMU samples.
+
+    Returns
+    -------
+    GnssLog
+        Velocity is resolved in north-east-down of the *reported* position, as a receiver does.
+
+    Raises
+    ------
+    ConfigError
+        For a rate or sigma that is not positive, or a negative offset.
+    InputError
+        When the motion is too short for one fix.
+    """
+    sd_r = _positive("sd_position", sd_position)
+    sd_v = None if sd_velocity is None else _positive("sd_velocity", sd_velocity)
+    if not offset >= 0.0:
+        raise ConfigError(f"the offset of the GNSS fixes must not be negative, not {offset!r}")
+    time = sample_times(motion.start, motion.end, rate, offset)
+    if time.size == 0:
+        raise InputError(
+            f"the motion ends at {motion.end:g} s, before the first GNSS fix at {motion.start + offset:g} s"
+        )
+    r_e, v_e = antenna_state(motion, time, lever_arm_b)
+    position_draws, velocity_draws = rng.spawn(2) if rng is not None else (None, None)
+    if position_draws is not None:
+        lat, lon, _ = ecef_to_geodetic_batch(r_e)
+        r_e = r_e + _from_local(lat, lon, sd_r * position_draws.standard_normal((time.size, 3)))
+    lat, lon, height = ecef_to_geodetic_batch(r_e)
+    velocity_n = None
+    if sd_v is not None:
+        velocity_n = np.einsum("kji,kj->ki", _local_axes(lat, lon), v_e)
+        if velocity_draws is not None:
+            velocity_n = velocity_n + sd_v * velocity_draws.standard_normal((time.size, 3))
+    return GnssLog(
+        time,
+        lat,
+        lon,
+        height,
+        np.tile(sd_r, (time.size, 1)),
+        velocity_n,
+        None if sd_v is None else np.tile(sd_v, (time.size, 1)),
+        source="simulation",
+    )
+
+
+def _positive(name: str, value: ArrayLike) -> Array:
+    sd = np.broadcast_to(np.asarray(value, dtype=float), (3,)).copy()
+    if not np.all(np.isfinite(sd)) or np.any(sd <= 0.0):
+        raise ConfigError(f"{name} must be three finite numbers > 0, not {value!r}")
+    return sd
+
+
+def _local_axes(lat: Array, lon: Array) -> Array:
+    """``C_en`` (n, 3, 3) of every place: columns north, east, down."""
+    sin_lat, cos_lat, sin_lon, cos_lon = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    zero = np.zeros_like(lat)
+    rows = [
+        [-sin_lat * cos_lon, -sin_lon, -cos_lat * cos_lon],
+        [-sin_lat * sin_lon, cos_lon, -cos_lat * sin_lon],
+        [cos_lat, zero, -sin_lat],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def _from_local(lat: Array, lon: Array, v_n: Array) -> Array:
+    return np.einsum("kij,kj->ki", _local_axes(lat, lon), v_n)
