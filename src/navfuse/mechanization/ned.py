@@ -1,0 +1,120 @@
+"""Strapdown mechanization in the local north-east-down frame."""
+
+from __future__ import annotations
+
+from math import cos, sin, sqrt
+
+from numba import njit
+
+from navfuse.core.constants import EARTH_RATE, WGS84_A, WGS84_E2
+from navfuse.core.earth import normal_gravity
+from navfuse.core.rotation import quat_from_rotvec, quat_multiply
+
+
+@njit(cache=True, inline="always")
+def rotate_increment(tx, ty, tz, ux, uy, uz):
+    """Velocity increment resolved at the start of its interval: u + t x u / 2 + t x (t x u) / 6.
+
+    Exact to third order in the rotation `t` for a rate and a specific force that are constant in the body over the interval;
+    what varies inside is the sculling term that :mod:`navfuse.imu.increments` adds beforehand (Groves 2013, eq. 5.84;
+    Savage 1998). No checks are made.
+    """
+    cx = ty * uz - tz * uy
+    cy = tz * ux - tx * uz
+    cz = tx * uy - ty * ux
+    return (
+        ux + 0.5 * cx + (ty * cz - tz * cy) / 6.0,
+        uy + 0.5 * cy + (tz * cx - tx * cz) / 6.0,
+        uz + 0.5 * cz + (tx * cy - ty * cx) / 6.0,
+    )
+
+
+@njit(cache=True)
+def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
+    """Advance an NED navigation state by one increment, in place.
+
+    Parameters
+    ----------
+    nav : (10,) array
+        Latitude, longitude [rad], height [m], velocity north, east, down [m/s], quaternion q_nb.
+    dt : float [s]
+    tx, ty, tz : float [rad]
+        Rotation vector of the body over the interval (coning included), relative to inertial space.
+    ux, uy, uz : float [m/s]
+        Specific-force increment (sculling included, without the velocity-rotation term).
+
+    Returns
+    -------
+    dvn, dve, dvd : float [m/s]
+        The specific-force increment resolved in n.
+
+    Notes
+    -----
+    Second order in `dt`. Gravity, Earth rate and transport rate are evaluated once, at the predicted middle of the interval; the
+    position takes the mean of the velocities (Groves 2013, section 5.3-5.4, with the midpoint in place of his start values).
+    Not valid within a few metres of a pole, where longitude is undefined: use the ECEF mechanization there. No checks are made.
+    """
+    lat, h = nav[0], nav[2]
+    vn, ve, vd = nav[3], nav[4], nav[5]
+    q0, q1, q2, q3 = nav[6], nav[7], nav[8], nav[9]
+
+    bx, by, bz = rotate_increment(tx, ty, tz, ux, uy, uz)
+    fn = (1.0 - 2.0 * (q2 * q2 + q3 * q3)) * bx + 2.0 * ((q1 * q2 - q0 * q3) * by + (q1 * q3 + q0 * q2) * bz)
+    fe = (1.0 - 2.0 * (q1 * q1 + q3 * q3)) * by + 2.0 * ((q1 * q2 + q0 * q3) * bx + (q2 * q3 - q0 * q1) * bz)
+    fd = (1.0 - 2.0 * (q1 * q1 + q2 * q2)) * bz + 2.0 * ((q1 * q3 - q0 * q2) * bx + (q2 * q3 + q0 * q1) * by)
+
+    half = 0.5 * dt
+    s0, c0 = sin(lat), cos(lat)
+    dlat = half * vn / (WGS84_A * (1.0 - WGS84_E2 * (1.0 - 1.5 * s0 * s0)) + h)
+    s = s0 + c0 * dlat
+    c = c0 - s0 * dlat
+    hm = h - half * vd
+    x = 1.0 - WGS84_E2 * s * s
+    rt = WGS84_A / sqrt(x)
+    rm = rt * (1.0 - WGS84_E2) / x
+    g = normal_gravity(s, hm)
+    rm += hm
+    rt += hm
+
+    an = 2.0 * EARTH_RATE * c + ve / rt
+    ae = -vn / rm
+    ad = -2.0 * EARTH_RATE * s - ve * s / (c * rt)
+    vn_m = vn + 0.5 * (fn - dt * (ae * vd - ad * ve))
+    ve_m = ve + 0.5 * (fe - dt * (ad * vn - an * vd))
+    vd_m = vd + 0.5 * (fd + g * dt - dt * (an * ve - ae * vn))
+    en_n = ve_m / rt
+    en_e = -vn_m / rm
+    en_d = -ve_m * s / (c * rt)
+    ie_n = EARTH_RATE * c
+    ie_d = -EARTH_RATE * s
+
+    zn = (ie_n + en_n) * dt
+    ze = en_e * dt
+    zd = (ie_d + en_d) * dt
+    dvn = fn - 0.5 * (ze * fd - zd * fe)
+    dve = fe - 0.5 * (zd * fn - zn * fd)
+    dvd = fd - 0.5 * (zn * fe - ze * fn)
+
+    wn = 2.0 * ie_n + en_n
+    wd = 2.0 * ie_d + en_d
+    vn1 = vn + dvn - dt * (en_e * vd_m - wd * ve_m)
+    ve1 = ve + dve - dt * (wd * vn_m - wn * vd_m)
+    vd1 = vd + dvd - dt * (wn * ve_m - en_e * vn_m - g)
+
+    nav[0] = lat + half * (vn + vn1) / rm
+    nav[1] += half * (ve + ve1) / (rt * c)
+    nav[2] = h - half * (vd + vd1)
+    nav[3] = vn1
+    nav[4] = ve1
+    nav[5] = vd1
+
+    qb = quat_from_rotvec((tx, ty, tz))
+    p = quat_multiply((q0, q1, q2, q3), qb)
+    n0 = 1.0 - 0.125 * (zn * zn + ze * ze + zd * zd)
+    q = quat_multiply((n0, -0.5 * zn, -0.5 * ze, -0.5 * zd), p)
+    scale = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    nav[6] = q[0] * scale
+    nav[7] = q[1] * scale
+    nav[8] = q[2] * scale
+    nav[9] = q[3] * scale
+    return dvn, dve, dvd
