@@ -1,0 +1,1 @@
+"""What a result is worth: errors against a truth, and consistency of the innovations with what was claimed."""

@@ -1,0 +1,235 @@
+"""Whether to trust a run, in plain words: a headline, the few numbers that matter, and what to do about the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from navfuse.analysis.consistency import NisSummary
+from navfuse.analysis.metrics import ErrorMetrics
+from navfuse.data.result import Result
+from navfuse.report.series import POSITION_SOURCE, distance, gaps, withheld_windows
+
+OVERCONFIDENT = 1.25
+WILDLY_OVERCONFIDENT = 2.0
+PESSIMISTIC = 1.5
+REJECTED = 0.05
+REJECTED_BADLY = 0.30
+CORRELATED = 0.3
+INSIDE = 0.95
+INSIDE_BADLY = 0.80
+LONG_GAP_S = 10.0
+
+HEADLINES = {
+    "good": "This run looks sound",
+    "check": "Usable, but look at the points below",
+    "bad": "Do not rely on this run before the points below are settled",
+}
+
+
+class Point(NamedTuple):
+    """Something to know: level ``"info"``, ``"check"`` or ``"bad"``, and a sentence with what to do."""
+
+    level: str
+    text: str
+
+
+class Card(NamedTuple):
+    """One number of the page's head: what it is, the number with its unit, and a line of detail."""
+
+    label: str
+    value: str
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Outcome of the checks.
+
+    Attributes
+    ----------
+    level : {"good", "check", "bad"}
+        The worst of the points; info points do not count.
+    points : tuple of Point
+        Worst first.
+    cards : tuple of Card
+    """
+
+    level: str
+    points: tuple[Point, ...]
+    cards: tuple[Card, ...]
+
+    @property
+    def headline(self) -> str:
+        """The level as a sentence."""
+        return HEADLINES[self.level]
+
+
+def judge(result: Result, consistency: dict[str, NisSummary], metrics: dict[str, ErrorMetrics]) -> Verdict:
+    """Verdict on a run.
+
+    Parameters
+    ----------
+    result : Result
+    consistency : dict of str to NisSummary
+        By aiding source, from :func:`navfuse.analysis.consistency.nis_summary`.
+    metrics : dict of str to ErrorMetrics
+        By name of the solution ("filter", "smoother") against a truth; empty without one.
+    """
+    points = [*_measurement_points(result, consistency), *_truth_points(metrics)]
+    points += [Point("check", text) for text in result.warnings]
+    order = {"bad": 0, "check": 1, "info": 2}
+    points.sort(key=lambda point: order[point.level])
+    level = points[0].level if points else "good"
+    return Verdict("good" if level == "info" else level, tuple(points), tuple(_cards(result, consistency, metrics)))
+
+
+def length(seconds: float) -> str:
+    """A duration for people: ``12.3 s``, ``2 min 05 s``, ``1 h 02 min``."""
+    if seconds < 100.0:
+        return f"{seconds:.1f} s"
+    total = round(seconds)
+    if total < 3600:
+        return f"{total // 60} min" + (f" {total % 60:02d} s" if total % 60 else "")
+    return f"{total // 3600} h {total % 3600 // 60:02d} min"
+
+
+def metres(value: float) -> str:
+    """A length for people, with the digits that mean something: ``4.2 cm``, ``0.52 m``, ``12 m``, ``3.4 km``."""
+    if not np.isfinite(value):
+        return "unknown"
+    for limit, unit, scale, digits in ((0.1, "cm", 100.0, 1), (10.0, "m", 1.0, 2), (1000.0, "m", 1.0, 0)):
+        if value < limit:
+            return f"{value * scale:.{digits}f} {unit}"
+    return f"{value / 1000.0:.{1 if value < 1e5 else 0}f} km"
+
+
+def _measurement_points(result: Result, consistency: dict[str, NisSummary]) -> list[Point]:
+    points = []
+    position = consistency.get(POSITION_SOURCE)
+    if position is None or position.counts["used"] + position.counts.get("reset", 0) == 0:
+        text = (
+            "No GNSS position was used, so nothing holds the position and its error grows without limit. "
+            "Check that the logs overlap (time_offset_s), the withheld windows (outages_s) and the rejected fixes."
+        )
+        points.append(Point("bad", text))
+    for source, summary in consistency.items():
+        name = source.replace("_", " ")
+        points += _source_points(name, summary)
+    longest = gaps(result)[:1]
+    if position is not None and longest and longest[0].end - longest[0].start > LONG_GAP_S:
+        gap = longest[0]
+        text = (
+            f"Longest stretch without a used position: {length(gap.end - gap.start)}, "
+            f"from {gap.start:.1f} s to {gap.end:.1f} s. Within it the error grows as the standard deviations show."
+        )
+        points.append(Point("info", text))
+    return points
+
+
+def _source_points(name: str, summary: NisSummary) -> list[Point]:
+    points = []
+    used, rejected = summary.counts["used"], summary.counts["rejected"]
+    share = rejected / max(used + rejected, 1)
+    if share > REJECTED:
+        text = (
+            f"{share:.0%} of the {name} measurements ({rejected}) were rejected. See on the map where: in one place "
+            "they are outliers; everywhere, their sigmas are too small, or lever arm, axes or time offset are wrong."
+        )
+        points.append(Point("bad" if share > REJECTED_BADLY else "check", text))
+    if summary.verdict.startswith("overconfident") and summary.factor > OVERCONFIDENT:
+        text = (
+            f"The {name} innovations are {summary.factor:.1f} times larger than claimed, so the errors are probably "
+            "larger than the standard deviations by about as much. Raise the sigmas of this sensor or the IMU noise, "
+            "and check lever arm and time offset."
+        )
+        points.append(Point("bad" if summary.factor > WILDLY_OVERCONFIDENT else "check", text))
+    elif summary.verdict.startswith("pessimistic") and summary.factor < 1.0 / PESSIMISTIC:
+        text = (
+            f"The {name} innovations are {1.0 / summary.factor:.1f} times smaller than claimed: the stated sigmas are "
+            "cautious. Smaller ones would weigh these measurements better."
+        )
+        points.append(Point("info", text))
+    if not summary.white and abs(summary.lag_one) > CORRELATED:
+        text = (
+            f"Neighbouring {name} innovations are alike (correlation {summary.lag_one:.2f}): the measurement errors "
+            "drift slowly, or the IMU noise is set too small. The standard deviations do not know of it and are too "
+            "small where it lasts."
+        )
+        points.append(Point("check", text))
+    if summary.counts.get("late"):
+        text = (
+            f"{summary.counts['late']} {name} measurements came too late and were ignored. "
+            "Check the order of the logs and time_offset_s."
+        )
+        points.append(Point("check", text))
+    return points
+
+
+def _truth_points(metrics: dict[str, ErrorMetrics]) -> list[Point]:
+    points = []
+    for solution, metric in metrics.items():
+        for block, value in metric.consistency.items():
+            if value.n and value.inside_3_sigma < INSIDE:
+                text = (
+                    f"Only {value.inside_3_sigma:.0%} of the {block} errors of the {solution} are inside three "
+                    f"standard deviations (99.7 % would be right): they are about {np.sqrt(value.nees_per_dof):.1f} "
+                    "times what is claimed."
+                )
+                points.append(Point("bad" if value.inside_3_sigma < INSIDE_BADLY else "check", text))
+    return points
+
+
+def _cards(result: Result, consistency: dict[str, NisSummary], metrics: dict[str, ErrorMetrics]) -> list[Card]:
+    best = result.trajectory
+    duration = float(best.time[-1] - best.time[0])
+    rate = (len(best) - 1) / duration if duration > 0.0 else 0.0
+    cards = [
+        Card("Duration", length(duration), f"{best.time[0]:.1f} to {best.time[-1]:.1f} s, {rate:.4g} Hz"),
+        Card("Distance", metres(distance(best)), "along the path"),
+    ]
+    cards += _gnss_cards(result, consistency)
+    if best.sd_position is not None:
+        sd = np.hypot(best.sd_position[:, 0], best.sd_position[:, 1])
+        worst = int(np.argmax(sd))
+        kind = "filter" if result.smoothed is None else "smoother"
+        cards += [
+            Card(
+                "Expected error at the end",
+                metres(sd[-1]),
+                f"horizontal, 1 sigma, {kind}; vertical {metres(best.sd_position[-1, 2])}",
+            ),
+            Card("Expected error at worst", metres(sd[worst]), f"horizontal, 1 sigma, at {best.time[worst]:.1f} s"),
+        ]
+    for solution, metric in metrics.items():
+        horizontal, vertical = metric.statistics["position_horizontal"], metric.statistics["position_down"]
+        detail = f"RMS horizontal; vertical {metres(vertical.rms)}, worst horizontal {metres(horizontal.max)}"
+        cards.append(Card(f"True error of the {solution}", metres(horizontal.rms), detail))
+    return cards
+
+
+def _gnss_cards(result: Result, consistency: dict[str, NisSummary]) -> list[Card]:
+    position = consistency.get(POSITION_SOURCE)
+    if position is None:
+        return [Card("GNSS positions", "none", "nothing holds the position")]
+    others = [f"{number} {status}" for status, number in position.counts.items() if status != "used"]
+    cards = [Card("GNSS positions used", str(position.counts["used"]), ", ".join(others))]
+    longest = gaps(result)[:1]
+    if longest:
+        gap = longest[0]
+        cards.append(
+            Card("Longest without GNSS", length(gap.end - gap.start), f"from {gap.start:.1f} to {gap.end:.1f} s")
+        )
+    drift = [window.largest_m for window in withheld_windows(result.innovations) if np.isfinite(window.largest_m)]
+    if drift:
+        detail = (
+            f"rms of the largest horizontal difference in {len(drift)} window{'s' if len(drift) > 1 else ''}, filter"
+        )
+        cards.append(Card("Off from withheld fixes", metres(float(np.sqrt(np.mean(np.square(drift))))), detail))
+    if position.n:
+        low, high = position.bounds
+        detail = f"mean NIS {position.mean_nis_per_dof:.2f} per component; right is {low:.2f} to {high:.2f}"
+        cards.append(Card("GNSS consistency", position.verdict, detail))
+    return cards

@@ -1,0 +1,156 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from navfuse.analysis.consistency import nis_summary
+from navfuse.analysis.metrics import compare
+from navfuse.data.result import Innovations
+from navfuse.report.verdict import judge, length, metres
+
+
+def verdict_of(result, truth=None, **changes):
+    result = replace(result, **changes)
+    metrics = {} if truth is None else {"filter": compare(result.forward, truth)}
+    return judge(result, nis_summary(result.innovations), metrics)
+
+
+def text_of(verdict, level=None):
+    return " ".join(point.text for point in verdict.points if level in (None, point.level))
+
+
+def test_a_good_run_looks_sound(drive):
+    verdict = verdict_of(*drive, warnings=())
+    assert verdict.level == "good"
+    assert verdict.headline == "This run looks sound"
+    assert [point.level for point in verdict.points] == ["info"]
+    assert "Longest stretch without a used position: 21.0 s, from 1059.0 s to 1080.0 s" in text_of(verdict)
+
+
+def test_cards_hold_the_numbers_that_matter(drive):
+    cards = {card.label: card for card in verdict_of(*drive).cards}
+    assert cards["Duration"].value == "2 min"
+    assert cards["Duration"].detail == "1000.0 to 1120.0 s, 10 Hz"
+    assert cards["Distance"].value == "1.2 km"
+    assert cards["GNSS positions used"].value == "96"
+    assert cards["GNSS positions used"].detail == "3 rejected, 20 withheld"
+    assert cards["Longest without GNSS"].value == "21.0 s"
+    assert cards["GNSS consistency"].value == "consistent"
+    assert cards["Off from withheld fixes"].detail == "rms of the largest horizontal difference in 1 window, filter"
+    assert "horizontal, 1 sigma, smoother; vertical" in cards["Expected error at the end"].detail
+    assert "1 sigma, at 10" in cards["Expected error at worst"].detail
+    assert "True error of the filter" in cards
+
+
+def test_warnings_of_the_run_ask_for_a_look(drive):
+    verdict = verdict_of(drive[0], warnings=("the IMU has a gap; see imu.csv",))
+    assert verdict.level == "check"
+    assert text_of(verdict, "check") == "the IMU has a gap; see imu.csv"
+    assert verdict.headline == "Usable, but look at the points below"
+
+
+def test_no_used_position_is_serious(drive):
+    result = drive[0]
+    for records in (Innovations.empty(), replace(result.innovations, status=np.full(119, "rejected"))):
+        verdict = verdict_of(result, innovations=records)
+        assert verdict.level == "bad"
+        assert verdict.headline.startswith("Do not rely on this run")
+        assert "No GNSS position was used" in verdict.points[0].text
+    assert "100% of the gnss position measurements (119) were rejected" in text_of(verdict)
+    nothing = {card.label: card.value for card in verdict_of(result, innovations=Innovations.empty()).cards}
+    assert nothing["GNSS positions"] == "none"
+
+
+@pytest.mark.parametrize(("rejected", "level"), [(4, None), (15, "check"), (60, "bad")])
+def test_many_rejections(drive, rejected, level):
+    records = drive[0].innovations
+    status = np.where(np.arange(119) < rejected, "rejected", "used")
+    points = [
+        point
+        for point in verdict_of(drive[0], innovations=replace(records, status=status)).points
+        if "were rejected" in point.text
+    ]
+    assert [point.level for point in points] == ([] if level is None else [level])
+
+
+@pytest.mark.parametrize(("factor", "level"), [(1.1, None), (1.6, "check"), (3.0, "bad")])
+def test_overconfidence(drive, factor, level):
+    records = drive[0].innovations
+    changed = replace(records, nis=factor**2 * records.dof * np.ones(119), status=np.full(119, "used"))
+    points = [
+        point for point in verdict_of(drive[0], innovations=changed).points if "larger than claimed" in point.text
+    ]
+    assert [point.level for point in points] == ([] if level is None else [level])
+    if level:
+        assert f"{factor:.1f} times larger" in points[0].text
+
+
+def test_caution_is_only_noted(drive):
+    records = drive[0].innovations
+    verdict = verdict_of(drive[0], innovations=replace(records, nis=0.1 * records.nis), warnings=())
+    assert verdict.level == "good"
+    assert "times smaller than claimed" in text_of(verdict, "info")
+
+
+def test_drifting_innovations_ask_for_a_look(drive):
+    records = drive[0].innovations
+    slow = np.sin(np.arange(119) / 10.0)[:, None] * np.ones(3)
+    assert "are alike (correlation 0." in text_of(verdict_of(drive[0], innovations=replace(records, z=slow)), "check")
+
+
+def test_late_measurements_are_told(drive):
+    records = drive[0].innovations
+    late = replace(records, status=np.where(np.arange(119) < 2, "late", records.status))
+    assert "2 gnss position measurements came too late" in text_of(verdict_of(drive[0], innovations=late), "check")
+
+
+@pytest.mark.parametrize(("shrink", "level"), [(1.0, None), (2.0, "check"), (8.0, "bad")])
+def test_errors_outside_three_sigma(drive, shrink, level):
+    result, truth = drive
+    forward = replace(result.forward, sd_velocity=result.forward.sd_velocity / shrink)
+    points = [
+        point
+        for point in verdict_of(result, truth, forward=forward).points
+        if "velocity errors of the filter" in point.text
+    ]
+    assert [point.level for point in points] == ([] if level is None else [level])
+
+
+def test_worst_points_come_first(drive):
+    records = drive[0].innovations
+    changed = replace(records, nis=9.0 * records.dof * np.ones(119), status=np.full(119, "used"))
+    levels = [point.level for point in verdict_of(drive[0], innovations=changed, warnings=("look",)).points]
+    assert levels == sorted(levels, key=["bad", "check", "info"].index)
+    assert levels[0] == "bad"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.0, "0.0 s"),
+        (99.94, "99.9 s"),
+        (100.0, "1 min 40 s"),
+        (3599.6, "1 h 00 min"),
+        (3720.0, "1 h 02 min"),
+        (120.0, "2 min"),
+    ],
+)
+def test_lengths_of_time(seconds, text):
+    assert length(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.042, "4.2 cm"),
+        (0.5234, "0.52 m"),
+        (12.3, "12 m"),
+        (3420.0, "3.4 km"),
+        (250_000.0, "250 km"),
+        (np.nan, "unknown"),
+    ],
+)
+def test_lengths_in_metres(value, text):
+    assert metres(value) == text
