@@ -1,0 +1,84 @@
+"""The program ``navfuse``: its commands, and how errors and warnings reach the person at the terminal.
+
+Exit codes: 0 done; 1 the data or the settings are at fault, with one message and no traceback; 2 wrong usage of the
+command line; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from typing import Annotated
+
+import typer
+
+from navfuse import __version__
+from navfuse.cli import compare, config, demo, run
+from navfuse.errors import NavfuseError, NavfuseWarning
+
+app = typer.Typer(
+    name="navfuse",
+    help="From sensor logs to a trajectory one can trust.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.command("run", short_help="Process a project: IMU and GNSS logs to a trajectory.")(run.run)
+app.command("demo", short_help="Simulate a short drive, process it, show how it went.")(demo.demo)
+app.command("compare", short_help="Compare a trajectory with a truth.")(compare.compare)
+app.command("config", short_help="Print a commented project file to begin with.")(config.config)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"navfuse {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and end.", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
+    """From sensor logs to a trajectory one can trust."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the program and end the process with its exit code.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Command-line arguments; default those of the process.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", NavfuseWarning)
+        warnings.showwarning = _Warnings(warnings.showwarning)
+        try:
+            app(arguments, prog_name="navfuse")
+        except NavfuseError as error:
+            print(f"error: {error}", file=sys.stderr)
+            sys.exit(1)
+        except KeyboardInterrupt:
+            sys.exit(130)
+        except SystemExit as ending:
+            if ending.code == 130:
+                print("interrupted", file=sys.stderr)
+            raise
+
+
+class _Warnings:
+    """Shows a warning of navfuse as one line, each text once; leaves all others to Python."""
+
+    def __init__(self, others) -> None:
+        self._others = others
+        self._seen: set[str] = set()
+
+    def __call__(self, message, category, filename, lineno, file=None, line=None) -> None:
+        if not issubclass(category, NavfuseWarning):
+            self._others(message, category, filename, lineno, file, line)
+        elif str(message) not in self._seen:
+            self._seen.add(str(message))
+            print(f"warning: {message}", file=sys.stderr)

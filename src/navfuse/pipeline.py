@@ -1,0 +1,374 @@
+"""Start here: from a project file to a result, one line per stage.
+
+    read -> increments -> alignment -> filter (mechanization and aiding) -> smoother -> result -> report
+
+:func:`process` is the whole of it as a function; :func:`run_project` writes the result folder that ``navfuse run`` promises;
+:func:`run_demo` does the same on a simulated drive.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from navfuse.aiding.base import AidingSensor
+from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
+from navfuse.analysis.summary import summarize_run
+from navfuse.config import Project, load_project
+from navfuse.data.logs import GnssLog, ImuLog
+from navfuse.data.result import Result
+from navfuse.data.trajectory import Trajectory
+from navfuse.errors import AlignmentError, FilterError, NavfuseWarning
+from navfuse.filters.ekf import ErrorStateFilter, FilterSettings
+from navfuse.filters.record import collect
+from navfuse.imu.alignment import Alignment, Known, align
+from navfuse.imu.error_model import ImuErrorModel
+from navfuse.imu.increments import ImuIncrements, to_increments
+from navfuse.io.gnss_table import read_gnss
+from navfuse.io.imu_table import read_imu
+from navfuse.smoothers.rts import SmoothedRun, smooth
+
+Array = np.ndarray
+Progress = Callable[[str, float], None]
+
+RESTART_GAP_S = 2.0
+"""After an inertial gap longer than this the navigation starts anew, because no covariance says how the vehicle turned meanwhile."""
+BLOCK_SAMPLES = 50_000
+
+
+def process(
+    config: Project | Mapping[str, Any] | str | os.PathLike[str],
+    *,
+    sensors: tuple[AidingSensor, ...] = (),
+    progress: Progress | None = None,
+) -> Result:
+    """Process a project: logs in, trajectory out.
+
+    Parameters
+    ----------
+    config : Project, mapping or path
+        A project, the same as nested dictionaries, or the path of a project file.
+    sensors : tuple of AidingSensor
+        Aiding sensors of your own, used beside those of the project.
+    progress : callable, optional
+        Called with the name of a stage and the fraction of it done.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    ConfigError, InputError, AlignmentError, FilterError
+    """
+    project = config if isinstance(config, Project) else Project.from_dict(config) if isinstance(config, Mapping) else load_project(config)
+    tell = progress or _silent
+    clock = _Clock()
+    with _collected_warnings() as notes:
+        with clock("read"):
+            imu, gnss = read_logs(project)
+        with clock("increments"):
+            increments = cut(to_increments(imu, gap_limit(imu, project)), project.filter.until_s)
+        model = project.imu_error_model()
+        runs = []
+        for k, piece in enumerate(_pieces(increments, project)):
+            run = _run_piece(piece, gnss, model, project, sensors, first=k == 0, clock=clock, tell=tell)
+            if run is not None:
+                runs.append(run)
+        if not runs:
+            raise AlignmentError("no stretch of the inertial data between gaps could be aligned; see the warnings")
+        for run in runs:
+            for note in (*run.alignment.notes, *run.filter.record.notes):
+                _warn(note)
+    return _result(project, imu, gnss, model, runs, clock, tuple(notes))
+
+
+def run_project(path: str | os.PathLike[str], folder: str | os.PathLike[str], *, report: bool = True, progress: Progress | None = None) -> Result:
+    """Process a project file and write the result folder.
+
+    Writes ``forward``, ``smoothed`` (when smoothing) and ``innovations`` in every format of ``[output] formats``, ``summary.json`` and, unless
+    switched off, ``report.html``. They appear together or not at all.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written; found out before the work begins.
+    """
+    from navfuse.io.atomic import atomic_folder
+
+    project = load_project(path)
+    with atomic_folder(folder, stale=_OUTPUT_NAMES) as staging:
+        result = process(project, progress=progress)
+        write_result(staging, result, project.output.formats)
+        if report:
+            from navfuse.report.page import write_report
+
+            write_report(staging / "report.html", result, title=Path(path).stem)
+    return result
+
+
+_OUTPUT_NAMES = tuple(
+    [f"{name}.{format_}" for name in ("forward", "smoothed", "innovations") for format_ in ("parquet", "csv")] + ["summary.json", "report.html"]
+)
+
+
+def write_result(folder: Path, result: Result, formats: tuple[str, ...] = ("parquet",)) -> None:
+    """Write the tables and the summary of a result into a folder."""
+    from navfuse.io.json_file import write_json
+    from navfuse.io.tables import write_table
+    from navfuse.io.trajectory_table import write_trajectory
+
+    for format_ in formats:
+        write_trajectory(folder / f"forward.{format_}", result.forward)
+        if result.smoothed is not None:
+            write_trajectory(folder / f"smoothed.{format_}", result.smoothed)
+        write_table(folder / f"innovations.{format_}", result.innovations.to_columns())
+    write_json(folder / "summary.json", result.summary)
+
+
+def read_logs(project: Project) -> tuple[ImuLog, GnssLog | None]:
+    """Read the logs of a project, with its axes, time offsets and sigmas applied."""
+    imu = read_imu(project.imu.file, axes=project.imu.axes, rotation=project.imu.rotation, time_offset_s=project.imu.time_offset_s)
+    settings = project.gnss
+    if settings.file is None:
+        return imu, None
+    gnss = read_gnss(settings.file, time_offset_s=settings.time_offset_s, epoch=settings.epoch_week_s)
+    sd_position = np.maximum(gnss.sd_position * settings.sd_scale, settings.sd_floor_m)
+    sd_velocity = None if gnss.sd_velocity is None else gnss.sd_velocity * settings.velocity_sd_scale
+    return imu, replace(gnss, sd_position=sd_position, sd_velocity=sd_velocity)
+
+
+def gap_limit(imu: ImuLog, project: Project) -> float:
+    """Longest step between inertial samples that is no gap [s]: ``max_gap_s``, or three usual steps of a slow sensor."""
+    return max(project.imu.max_gap_s, 3.0 * float(np.median(np.diff(imu.time)))) if imu.time.size > 1 else project.imu.max_gap_s
+
+
+def cut(increments: ImuIncrements, until_s: float | None) -> ImuIncrements:
+    """Increments up to a time."""
+    if until_s is None or until_s >= increments.time[-1]:
+        return increments
+    last = int(np.searchsorted(increments.time, until_s, side="right")) - 1
+    if last < 1:
+        raise FilterError(f"[filter] until_s = {until_s:g}: nothing is left of the inertial data, which begin at {increments.time[0]:.3f} s")
+    return ImuIncrements(increments.time[: last + 1], increments.inc_theta_b[:last], increments.inc_v_b[:last])
+
+
+def known_start(project: Project) -> Known:
+    """What the project says about the start, in SI units."""
+    s = project.start
+
+    def scaled(value: Any, factor: Any = 1.0) -> Any:
+        return None if value is None else np.multiply(value, factor)
+
+    degrees = np.pi / 180.0
+    position = None if s.lat_deg is None else np.array([s.lat_deg * degrees, s.lon_deg * degrees, s.height_m])
+    return Known(
+        time=s.time_s,
+        position=position,
+        velocity_n=scaled(s.velocity_mps),
+        roll=scaled(s.roll_deg, degrees),
+        pitch=scaled(s.pitch_deg, degrees),
+        heading=scaled(s.heading_deg, degrees),
+        sd_position=scaled(s.sd_position_m),
+        sd_velocity=scaled(s.sd_velocity_mps),
+        sd_attitude=scaled(s.sd_attitude_deg, degrees),
+    )
+
+
+def gnss_sensors(project: Project, gnss: GnssLog | None) -> list[AidingSensor]:
+    """The aiding sensors that the project makes of its GNSS log."""
+    if gnss is None:
+        return []
+    settings = project.gnss
+    lever = np.array(settings.lever_arm_m)
+    sensors: list[AidingSensor] = []
+    if "position" in settings.use:
+        sensors.append(GnssPosition(gnss, lever, settings.outages_s, settings.gate_probability))
+    if "velocity" in settings.use and gnss.velocity_n is not None and gnss.sd_velocity is not None:
+        sensors.append(GnssVelocity(gnss, lever, settings.outages_s, settings.gate_probability))
+    return sensors
+
+
+def filter_settings(project: Project, gap_s: float) -> FilterSettings:
+    """Settings of the filter as the project says."""
+    rate, output = project.filter.covariance_rate_hz, project.output.rate_hz
+    default = FilterSettings()
+    return FilterSettings(
+        ecef=project.filter.frame == "ecef",
+        open_loop=project.filter.feedback == "open",
+        covariance_period=default.covariance_period if rate is None else 1.0 / rate if rate > 0 else 0.0,
+        output_period=1.0 / output if output > 0 else 0.0,
+        gap_s=gap_s,
+        checkpoints=project.smoother.method == "rts",
+    )
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One stretch without a long gap."""
+
+    alignment: Alignment
+    filter: ErrorStateFilter
+    smoothed: SmoothedRun | None
+
+
+def _pieces(increments: ImuIncrements, project: Project) -> list[ImuIncrements]:
+    """Stretches between gaps after which the navigation has to start anew."""
+    step = np.diff(increments.time)
+    limit = max(RESTART_GAP_S, 5.0 * float(np.median(step)))
+    if project.imu.on_gap == "stop":
+        longest = int(np.argmax(step))
+        if step[longest] > max(project.imu.max_gap_s, 3.0 * float(np.median(step))):
+            raise FilterError(
+                f"no inertial data for {step[longest]:.3f} s after {increments.time[longest]:.3f} s, and imu.on_gap = \"stop\"; "
+                'set imu.on_gap = "continue" or a larger imu.max_gap_s'
+            )
+    breaks = np.flatnonzero(step > limit)
+    pieces, begin = [], 0
+    for gap in [*breaks.tolist(), len(increments)]:
+        if gap > begin:
+            pieces.append(ImuIncrements(increments.time[begin : gap + 1], increments.inc_theta_b[begin:gap], increments.inc_v_b[begin:gap]))
+        if gap < len(increments):
+            _warn(
+                f"no inertial data for {step[gap]:.3f} s after {increments.time[gap]:.3f} s: too long to bridge; navigation starts anew behind it"
+            )
+        begin = gap + 1
+    return pieces
+
+
+def _run_piece(
+    increments: ImuIncrements,
+    gnss: GnssLog | None,
+    model: ImuErrorModel,
+    project: Project,
+    sensors: tuple[AidingSensor, ...],
+    *,
+    first: bool,
+    clock: _Clock,
+    tell: Progress,
+) -> _Run | None:
+    try:
+        with clock("alignment"):
+            usable = _without_outages(gnss, project)
+            alignment = align(increments, usable, model, np.array(project.gnss.lever_arm_m), known_start(project) if first else Known())
+    except AlignmentError as error:
+        if first:
+            raise
+        _warn(f"the stretch from {increments.time[0]:.3f} s to {increments.time[-1]:.3f} s is left out: {error}")
+        return None
+    begin = int(np.searchsorted(increments.time, alignment.start.time - 1e-6))
+    increments = ImuIncrements(increments.time[begin:], increments.inc_theta_b[begin:], increments.inc_v_b[begin:])
+    gap_s = max(project.imu.max_gap_s, 3.0 * float(np.median(increments.dt)))
+    with clock("filter"):
+        estimator = ErrorStateFilter(alignment.start, model, [*gnss_sensors(project, gnss), *sensors], filter_settings(project, gap_s))
+        for at in range(0, len(increments), BLOCK_SAMPLES):
+            stop = min(at + BLOCK_SAMPLES, len(increments))
+            estimator.feed(ImuIncrements(increments.time[at : stop + 1], increments.inc_theta_b[at:stop], increments.inc_v_b[at:stop]))
+            tell("filter", stop / len(increments))
+    smoothed = None
+    if project.smoother.method == "rts":
+        with clock("smoother"):
+            smoothed = smooth(estimator, increments, progress=lambda fraction: tell("smoother", fraction))
+    return _Run(alignment, estimator, smoothed)
+
+
+def _without_outages(gnss: GnssLog | None, project: Project) -> GnssLog | None:
+    """The fixes that alignment may use: none from a withheld window."""
+    if gnss is None or not project.gnss.outages_s:
+        return gnss
+    keep = np.ones(gnss.time.size, dtype=bool)
+    for start, end in project.gnss.outages_s:
+        keep &= (gnss.time < start) | (gnss.time >= end)
+    rows = {name: None if (value := getattr(gnss, name)) is None else value[keep] for name in _GNSS_ARRAYS}
+    return replace(gnss, **rows)
+
+
+_GNSS_ARRAYS = ("time", "lat", "lon", "height", "sd_position", "velocity_n", "sd_velocity", "fix", "n_satellites")
+
+
+def _result(
+    project: Project,
+    imu: ImuLog,
+    gnss: GnssLog | None,
+    model: ImuErrorModel,
+    runs: list[_Run],
+    clock: _Clock,
+    notes: tuple[str, ...],
+) -> Result:
+    records = [run.filter.record for run in runs]
+    forward, innovations, states = collect(records)
+    smoothed = None
+    if project.smoother.method == "rts":
+        smoothed = _joined([run.smoothed.trajectory for run in runs if run.smoothed is not None], "smoothed")
+    result = Result(forward=forward, smoothed=smoothed, innovations=innovations, states=states, warnings=notes, fixes=gnss)
+    summary = summarize_run(
+        result,
+        settings=project.settings(),
+        imu=imu,
+        gnss=gnss,
+        model=model,
+        alignments=[run.alignment for run in runs],
+        seconds=clock.seconds,
+        exclude=project.gnss.outages_s,
+    )
+    return replace(result, summary=summary)
+
+
+def _joined(trajectories: list[Trajectory], source: str) -> Trajectory:
+    if len(trajectories) == 1:
+        return trajectories[0]
+    names = ("time", "lat", "lon", "height", "velocity_n", "attitude", "sd_position", "sd_velocity", "sd_attitude")
+    return Trajectory(**{name: np.concatenate([getattr(t, name) for t in trajectories]) for name in names}, source=source)
+
+
+class _Clock:
+    """Seconds spent in each stage."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
+
+
+@contextmanager
+def _collected_warnings() -> Iterator[list[str]]:
+    """Keep the text of every warning navfuse gives, and still show it."""
+    notes: list[str] = []
+    show = warnings.showwarning
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", NavfuseWarning)
+
+        def keep(message: Any, category: Any, *rest: Any, **more: Any) -> None:
+            if issubclass(category, NavfuseWarning):
+                notes.append(str(message))
+            show(message, category, *rest, **more)
+
+        warnings.showwarning = keep
+        yield notes
+
+
+def _warn(text: str) -> None:
+    warnings.warn(text, NavfuseWarning, stacklevel=3)
+
+
+def _silent(stage: str, fraction: float) -> None:
+    """No progress wanted."""
+
+
+def run_demo(folder: str | os.PathLike[str], seed: int = 1) -> tuple[Result, list[str]]:
+    """Simulate a short drive, process it and show how it went; see :func:`navfuse.demo.run_demo`."""
+    from navfuse.demo import run_demo as demo
+
+    return demo(folder, seed)
