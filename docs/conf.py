@@ -1,0 +1,38 @@
+"""Sphinx configuration: MyST Markdown with the furo theme."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import navfuse
+from navfuse.config import help_keys
+
+project = "navfuse"
+author = "navfuse developers"
+copyright = "2026, navfuse developers"
+release = version = navfuse.__version__
+
+extensions = ["myst_parser", "sphinx.ext.mathjax"]
+myst_enable_extensions = ["amsmath", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+exclude_patterns = ["_build", "_generated"]
+nitpicky = True
+
+html_theme = "furo"
+html_title = f"navfuse {release}"
+
+
+def _project_file_keys() -> str:
+    """A table of every key of the project file, made from the model that checks it."""
+    lines = ["| key | unit | takes | default | meaning |", "| --- | --- | --- | --- | --- |"]
+    for entry in help_keys():
+        default = f"`{entry.default}`" if entry.default and entry.default != "required" else entry.default
+        cells = (f"`{entry.key}`", entry.unit, entry.type, default, entry.description)
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def setup(app) -> None:
+    folder = Path(app.confdir) / "_generated"
+    folder.mkdir(exist_ok=True)
+    (folder / "keys.md").write_text(_project_file_keys(), encoding="utf-8")
