@@ -1,0 +1,231 @@
+"""GNSS position and velocity of an antenna with a lever arm."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from navfuse.aiding.base import AidingSensor
+from navfuse.core.constants import EARTH_RATE
+from navfuse.core.earth import dcm_en, ecef_to_geodetic, geodetic_to_ecef
+from navfuse.core.rotation import cross, dcm_from_quat, mat_mul, mat_t_vec, mat_vec
+from navfuse.data.logs import GnssLog
+from navfuse.data.nav_state import NavState, to_ned
+
+Array = np.ndarray
+OutageWindows = tuple[tuple[float, float], ...]
+
+
+@njit(cache=True)
+def _antenna(nav, ecef, l_b):
+    """Rotation from the error frame to n, lever arm in the error frame and ECEF antenna position. No checks are made."""
+    C_mb = dcm_from_quat((nav[6], nav[7], nav[8], nav[9]))
+    l_m = mat_vec(C_mb, (l_b[0], l_b[1], l_b[2]))
+    if ecef:
+        r = (nav[0] + l_m[0], nav[1] + l_m[1], nav[2] + l_m[2])
+        ned = to_ned(nav)
+        C_en = dcm_en(ned[0], ned[1])
+        C_nm = (C_en[0], C_en[3], C_en[6], C_en[1], C_en[4], C_en[7], C_en[2], C_en[5], C_en[8])
+    else:
+        C_en = dcm_en(nav[0], nav[1])
+        r0 = geodetic_to_ecef(nav[0], nav[1], nav[2])
+        l_e = mat_vec(C_en, l_m)
+        r = (r0[0] + l_e[0], r0[1] + l_e[1], r0[2] + l_e[2])
+        C_nm = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    return C_mb, C_nm, l_m, r, C_en
+
+
+@njit(cache=True)
+def predict_position(nav, ecef, l_b):
+    """Latitude, longitude [rad] and height [m] of an antenna with lever arm `l_b` (3,) [m]. No checks are made."""
+    r = _antenna(nav, ecef, l_b)[3]
+    return ecef_to_geodetic(r[0], r[1], r[2])
+
+
+@njit(cache=True)
+def linearize_position(nav, ecef, l_b, lat, lon, h, z, H):
+    """Innovation (3,) north, east, down [m] and its matrix H (3, n) of an antenna position, written into `z` and `H`.
+
+    z = C_ne (r_measured - r_e - C_eb l_b);  dz = C_nm (dr - [C_mb l_b x] psi). `H` must be zero beyond the ninth column. No checks are made.
+    """
+    C_mb, C_nm, l, r, C_en = _antenna(nav, ecef, l_b)
+    m = geodetic_to_ecef(lat, lon, h)
+    z[0], z[1], z[2] = mat_t_vec(C_en, (m[0] - r[0], m[1] - r[1], m[2] - r[2]))
+    lx = mat_mul(C_nm, (0.0, -l[2], l[1], l[2], 0.0, -l[0], -l[1], l[0], 0.0))
+    for a in range(3):
+        for b in range(3):
+            H[a, b] = C_nm[3 * a + b]
+            H[a, 6 + b] = -lx[3 * a + b]
+
+
+@njit(cache=True)
+def _antenna_velocity(nav, ecef, l_b, w_ib_b):
+    C_mb, C_nm, l, r, C_en = _antenna(nav, ecef, l_b)
+    wl = mat_vec(C_mb, cross((w_ib_b[0], w_ib_b[1], w_ib_b[2]), (l_b[0], l_b[1], l_b[2])))
+    ie = (0.0, 0.0, EARTH_RATE)
+    if not ecef:
+        ie = mat_t_vec(C_en, ie)
+    el = cross(ie, l)
+    v = mat_vec(C_nm, (nav[3] + wl[0] - el[0], nav[4] + wl[1] - el[1], nav[5] + wl[2] - el[2]))
+    return v, C_mb, C_nm, l, wl, ie
+
+
+@njit(cache=True)
+def predict_velocity(nav, ecef, l_b, w_ib_b):
+    """Velocity relative to the Earth of an antenna, resolved in n, as a 3-tuple [m/s]. No checks are made."""
+    return _antenna_velocity(nav, ecef, l_b, w_ib_b)[0]
+
+
+@njit(cache=True)
+def linearize_velocity(nav, ecef, l_b, w_ib_b, gyro_bias, gyro_scale, measured, z, H):
+    """Innovation (3,) and its matrix H (3, n) of an antenna velocity, resolved in n [m/s], written into `z` and `H`.
+
+    v_a = v + C_mb (w_ib_b x l_b) - w_ie x C_mb l_b, hence with dw = -db_g - diag(w) ds_g
+
+        dv_a = dv - [C_mb (w x l) x] psi + w_ie x [C_mb l x] psi - C_mb [l x] dw.
+
+    `gyro_bias` and `gyro_scale` are the first column of those states, or -1. `H` must be zero elsewhere. No checks are made.
+    """
+    v, C_mb, C_nm, l, wl, ie = _antenna_velocity(nav, ecef, l_b, w_ib_b)
+    for a in range(3):
+        z[a] = measured[a] - v[a]
+    skew_wl = (0.0, -wl[2], wl[1], wl[2], 0.0, -wl[0], -wl[1], wl[0], 0.0)
+    skew_ie = (0.0, -ie[2], ie[1], ie[2], 0.0, -ie[0], -ie[1], ie[0], 0.0)
+    skew_l = (0.0, -l[2], l[1], l[2], 0.0, -l[0], -l[1], l[0], 0.0)
+    coriolis = mat_mul(skew_ie, skew_l)
+    tilt = (
+        coriolis[0] - skew_wl[0],
+        coriolis[1] - skew_wl[1],
+        coriolis[2] - skew_wl[2],
+        coriolis[3] - skew_wl[3],
+        coriolis[4] - skew_wl[4],
+        coriolis[5] - skew_wl[5],
+        coriolis[6] - skew_wl[6],
+        coriolis[7] - skew_wl[7],
+        coriolis[8] - skew_wl[8],
+    )
+    tilt = mat_mul(C_nm, tilt)
+    lb = (0.0, -l_b[2], l_b[1], l_b[2], 0.0, -l_b[0], -l_b[1], l_b[0], 0.0)
+    rate = mat_mul(C_nm, mat_mul(C_mb, lb))
+    for a in range(3):
+        for b in range(3):
+            H[a, 3 + b] = C_nm[3 * a + b]
+            H[a, 6 + b] = tilt[3 * a + b]
+            if gyro_bias >= 0:
+                H[a, gyro_bias + b] = rate[3 * a + b]
+            if gyro_scale >= 0:
+                H[a, gyro_scale + b] = rate[3 * a + b] * w_ib_b[b]
+
+
+class _GnssSensor(AidingSensor):
+    def __init__(self, log: GnssLog, lever_arm_b: Array, outages: OutageWindows, gate: float | None):
+        self.log = log
+        self.lever_arm_b = np.asarray(lever_arm_b, dtype=float)
+        self.outages = outages
+        self.gate = gate
+        self.times = log.time
+        self._withheld = np.zeros(log.time.size, dtype=bool)
+        for start, end in outages:
+            self._withheld |= (log.time >= start) & (log.time < end)
+
+    def withheld(self, k: int) -> bool:
+        """True inside an outage window [from, to)."""
+        return bool(self._withheld[k])
+
+
+class GnssPosition(_GnssSensor):
+    """Position of the antenna.
+
+    Parameters
+    ----------
+    log : GnssLog
+    lever_arm_b : (3,) array [m]
+        From the IMU to the antenna, in b.
+    outages : tuple of (from, to) [s]
+        Windows, half open, in which the fixes are withheld from the filter.
+    gate : float or None
+        See :class:`navfuse.aiding.AidingSensor`.
+
+    Notes
+    -----
+    A value is latitude, longitude [rad] and height [m]; the difference of two values is in metres north, east, down.
+    """
+
+    name = "gnss_position"
+
+    def __init__(self, log: GnssLog, lever_arm_b=(0.0, 0.0, 0.0), outages: OutageWindows = (), gate: float | None = None):
+        super().__init__(log, lever_arm_b, outages, gate)
+
+    def value(self, k: int) -> Array:
+        """Measured latitude, longitude [rad], height [m]."""
+        return np.array([self.log.lat[k], self.log.lon[k], self.log.height[k]])
+
+    def predict(self, nav: NavState, k: int) -> Array:
+        """Latitude, longitude [rad], height [m] of the antenna."""
+        return np.array(predict_position(nav.array, nav.ecef, self.lever_arm_b))
+
+    def noise(self, k: int) -> Array:
+        """Standard deviations north, east, down [m]."""
+        return self.log.sd_position[k]
+
+    def subtract(self, measured: Array, predicted: Array) -> Array:
+        """Difference [m] resolved in the north, east, down of the measured position."""
+        C_en = np.array(dcm_en(measured[0], measured[1])).reshape(3, 3)
+        return C_en.T @ (np.array(geodetic_to_ecef(*measured)) - np.array(geodetic_to_ecef(*predicted)))
+
+    def linearize(self, nav: NavState, k: int) -> tuple[Array, Array, Array]:
+        """See :class:`navfuse.aiding.AidingSensor`."""
+        z = np.empty(3)
+        H = np.zeros((3, nav.layout.size))
+        log = self.log
+        linearize_position(nav.array, nav.ecef, self.lever_arm_b, log.lat[k], log.lon[k], log.height[k], z, H)
+        return z, H, np.diag(log.sd_position[k] ** 2)
+
+    def jacobian(self, nav: NavState, k: int) -> Array:
+        """Matrix H (3, n)."""
+        return self.linearize(nav, k)[1]
+
+
+class GnssVelocity(_GnssSensor):
+    """Velocity of the antenna relative to the Earth, resolved in n. Parameters as :class:`GnssPosition`.
+
+    Fixes without a velocity are left out.
+    """
+
+    name = "gnss_velocity"
+
+    def __init__(self, log: GnssLog, lever_arm_b=(0.0, 0.0, 0.0), outages: OutageWindows = (), gate: float | None = None):
+        super().__init__(log, lever_arm_b, outages, gate)
+        if log.velocity_n is None or log.sd_velocity is None:
+            raise ValueError("this GNSS log has no velocity")
+        self.rows = np.flatnonzero(np.all(np.isfinite(log.velocity_n), axis=1))
+        self.times = log.time[self.rows]
+        self._withheld = self._withheld[self.rows]
+        self.velocity_n = log.velocity_n[self.rows]
+        self.sd_velocity = log.sd_velocity[self.rows]
+
+    def value(self, k: int) -> Array:
+        """Measured velocity [m/s], north, east, down."""
+        return self.velocity_n[k]
+
+    def predict(self, nav: NavState, k: int) -> Array:
+        """Velocity [m/s] of the antenna, north, east, down."""
+        return np.array(predict_velocity(nav.array, nav.ecef, self.lever_arm_b, nav.w_ib_b))
+
+    def noise(self, k: int) -> Array:
+        """Standard deviations [m/s], north, east, down."""
+        return self.sd_velocity[k]
+
+    def linearize(self, nav: NavState, k: int) -> tuple[Array, Array, Array]:
+        """See :class:`navfuse.aiding.AidingSensor`."""
+        z = np.empty(3)
+        layout = nav.layout
+        H = np.zeros((3, layout.size))
+        bias = layout.offset("gyro_bias") if "gyro_bias" in layout else -1
+        scale = layout.offset("gyro_scale") if "gyro_scale" in layout else -1
+        linearize_velocity(nav.array, nav.ecef, self.lever_arm_b, nav.w_ib_b, bias, scale, self.velocity_n[k], z, H)
+        return z, H, np.diag(self.sd_velocity[k] ** 2)
+
+    def jacobian(self, nav: NavState, k: int) -> Array:
+        """Matrix H (3, n)."""
+        return self.linearize(nav, k)[1]

@@ -1,0 +1,137 @@
+"""Linear Kalman measurement update in Joseph form."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def update(P, H, R, z, gate, K, S, Sinv, dx):
+    """Gate a measurement by its normalised innovation squared and, if it passes, update the covariance in place.
+
+    Parameters
+    ----------
+    P : (n, n) array
+        Covariance, symmetric; updated only if the measurement passes.
+    H : (d, n) array
+        Measurement matrix.
+    R : (d, d) array
+        Measurement noise covariance.
+    z : (d,) array
+        Innovation, measured minus predicted.
+    gate : float
+        Largest normalised innovation squared that passes; inf = no gate.
+    K : (n, d), S : (d, d), Sinv : (d, d), dx : (n,) arrays
+        Receive the gain, the innovation covariance, its inverse and the correction K z. K and dx are left alone by a rejected measurement.
+
+    Returns
+    -------
+    float
+        z^T S^-1 z; NaN if S is not positive definite, in which case nothing is updated.
+
+    Notes
+    -----
+    P+ = (I - K H) P (I - K H)^T + K R K^T (Joseph), symmetric by construction and positive semi-definite for any gain
+    (Groves 2013, eq. 3.58). Cost of order n^2 d. No checks are made.
+    """
+    n = P.shape[0]
+    d = z.size
+    PHt = np.empty((n, d))
+    for i in range(n):
+        for a in range(d):
+            v = 0.0
+            for j in range(n):
+                v += P[i, j] * H[a, j]
+            PHt[i, a] = v
+    for a in range(d):
+        for b in range(a + 1):
+            v = R[a, b]
+            for j in range(n):
+                v += H[a, j] * PHt[j, b]
+            S[a, b] = v
+            S[b, a] = v
+    L = np.zeros((d, d))
+    for a in range(d):
+        for b in range(a + 1):
+            v = S[a, b]
+            for c in range(b):
+                v -= L[a, c] * L[b, c]
+            if a == b:
+                if not v > 0.0:
+                    return np.nan
+                L[a, a] = sqrt(v)
+            else:
+                L[a, b] = v / L[b, b]
+    for c in range(d):
+        for a in range(d):
+            v = 1.0 if a == c else 0.0
+            for b in range(a):
+                v -= L[a, b] * Sinv[b, c]
+            Sinv[a, c] = v / L[a, a]
+        for a in range(d - 1, -1, -1):
+            v = Sinv[a, c]
+            for b in range(a + 1, d):
+                v -= L[b, a] * Sinv[b, c]
+            Sinv[a, c] = v / L[a, a]
+    nis = 0.0
+    for a in range(d):
+        for b in range(d):
+            nis += z[a] * Sinv[a, b] * z[b]
+    if not nis <= gate:
+        return nis
+
+    for i in range(n):
+        v = 0.0
+        for a in range(d):
+            g = 0.0
+            for b in range(d):
+                g += PHt[i, b] * Sinv[b, a]
+            K[i, a] = g
+            v += g * z[a]
+        dx[i] = v
+    for i in range(n):
+        for j in range(n):
+            v = P[i, j]
+            for a in range(d):
+                v -= K[i, a] * PHt[j, a]
+            P[i, j] = v
+    for i in range(n):
+        for a in range(d):
+            v = 0.0
+            for j in range(n):
+                v += P[i, j] * H[a, j]
+            for b in range(d):
+                v -= K[i, b] * R[b, a]
+            PHt[i, a] = v
+    for i in range(n):
+        for j in range(i + 1):
+            v = 0.5 * (P[i, j] + P[j, i])
+            for a in range(d):
+                v -= 0.5 * (PHt[i, a] * K[j, a] + PHt[j, a] * K[i, a])
+            P[i, j] = v
+            P[j, i] = v
+    return nis
+
+
+@njit(cache=True)
+def reset_attitude(P, dpsi):
+    """Covariance of the attitude error after the estimate was turned by `dpsi` (3,) [rad], in place.
+
+    The new error is log(exp(psi) exp(-dpsi)), to first order (I + [dpsi x]/2) times the old one (Groves 2013, section 14.2.5 neglects it;
+    see also Markley 2003). No checks are made.
+    """
+    n = P.shape[0]
+    x, y, z = 0.5 * dpsi[0], 0.5 * dpsi[1], 0.5 * dpsi[2]
+    for c in range(n):
+        a, b, d = P[6, c], P[7, c], P[8, c]
+        P[6, c] = a + y * d - z * b
+        P[7, c] = b + z * a - x * d
+        P[8, c] = d + x * b - y * a
+    for c in range(n):
+        a, b, d = P[c, 6], P[c, 7], P[c, 8]
+        P[c, 6] = a + y * d - z * b
+        P[c, 7] = b + z * a - x * d
+        P[c, 8] = d + x * b - y * a

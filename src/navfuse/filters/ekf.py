@@ -1,0 +1,378 @@
+"""The error-state extended Kalman filter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.special import chdtri
+
+from navfuse.aiding.base import AidingSensor
+from navfuse.core.kalman import reset_attitude, update
+from navfuse.data.layout import NAVIGATION_STATES, Layout
+from navfuse.data.start import Start
+from navfuse.data.nav_state import NavState, boxplus_navigation, describe_rows, to_ecef
+from navfuse.errors import ConfigError, FilterError
+from navfuse.filters.record import LATE, REJECTED, RESET, USED, WITHHELD, Checkpoint, FilterRecord, Innovation, Update
+from navfuse.imu.error_model import ImuErrorModel
+from navfuse.imu.increments import ImuIncrements
+from navfuse.imu.states import imu_blocks
+from navfuse.mechanization.error_dynamics import imu_state_map
+from navfuse.mechanization.propagate import TIME_TOLERANCE, Propagator
+from navfuse.timeline import merge_events
+
+Array = np.ndarray
+
+OUTPUT_ROWS = 64
+RESET_ATTITUDE_SD = np.radians(10.0)
+SCATTER_GAIN = 0.02
+SCATTER_LIMIT = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class FilterSettings:
+    """How a filter works.
+
+    Attributes
+    ----------
+    ecef : bool
+        Mechanize in e instead of n.
+    open_loop : bool
+        Leave the inertial solution uncorrected and estimate its errors, instead of feeding the corrections back.
+    covariance_period : float [s]
+        Length of a covariance step; 0 = one per increment.
+    output_period : float [s]
+        Output at its multiples; 0 = at every stamp; negative = no output.
+    gate_probability : float
+        Share of good measurements that the chi-square gate lets pass; 1 = no gate.
+    reset_count, reset_s : int, float [s]
+        After this many rejections of one sensor in a row over at least this time the covariance is enlarged until the next one passes.
+    gap_s : float [s]
+        An increment longer than this is a gap: motion inside is unknown by `gap_gyro_sd` [rad/s] and `gap_accel_sd` [m/s^2].
+    checkpoints : bool
+        Keep what a smoother needs.
+    """
+
+    ecef: bool = False
+    open_loop: bool = False
+    covariance_period: float = 0.1
+    output_period: float = 0.1
+    gate_probability: float = 0.9999
+    reset_count: int = 10
+    reset_s: float = 3.0
+    gap_s: float = np.inf
+    gap_gyro_sd: float = np.radians(20.0)
+    gap_accel_sd: float = 2.0
+    checkpoints: bool = False
+
+
+class ErrorStateFilter:
+    """Inertial navigation corrected by aiding sensors, fed piece by piece.
+
+    Feeding the same increments in blocks of any size gives bit-identical results, provided each measurement is known to its sensor
+    before the increments that pass its time are fed. A measurement older than the filter is recorded as ``late`` and not used.
+
+    Parameters
+    ----------
+    start : Start
+    imu_model : ImuErrorModel
+        Decides which sensor errors are estimated, and how noisy the sensor is.
+    sensors : sequence of AidingSensor
+    settings : FilterSettings
+
+    Attributes
+    ----------
+    layout : Layout
+        Names of the states.
+    time : float [s]
+        Where the filter stands.
+    P : (n, n) array
+        Covariance of the errors in the order of `layout`.
+    record : FilterRecord
+        Output, innovations and checkpoints so far.
+
+    Notes
+    -----
+    Errors are true minus estimate. In a closed loop every correction goes through :func:`navfuse.data.nav_state.boxplus_navigation`; in an open loop
+    it is kept in ``x`` and carried by the same transition (Groves 2013, section 14.1.1).
+    """
+
+    def __init__(
+        self,
+        start: Start,
+        imu_model: ImuErrorModel,
+        sensors: Sequence[AidingSensor] = (),
+        settings: FilterSettings | None = None,
+    ):
+        self.settings = settings = settings or FilterSettings()
+        self.sensors = tuple(sensors)
+        names = [sensor.name for sensor in self.sensors]
+        if len(set(names)) != len(names):
+            raise ConfigError(f"aiding sensors must have different names, got {', '.join(names)}")
+        blocks = imu_blocks(imu_model)
+        self.layout = layout = Layout.join(blocks, [b for sensor in self.sensors for b in sensor.state_blocks()])
+        n = layout.size
+        sd, tau, walk = (layout.per_state(a) for a in ("sd", "tau", "walk"))
+        self.propagator = Propagator(
+            imu_state_map(tuple(b.name for b in blocks)),
+            np.array([imu_model.arw**2, imu_model.vrw**2]),
+            np.stack([sd**2, walk**2, np.where(np.isfinite(tau), 1.0 / tau, 0.0)], axis=1),
+            settings.ecef,
+            settings.covariance_period,
+            settings.output_period,
+        )
+        self.time = float(start.time)
+        self.nav = np.array(start.nav, dtype=float)
+        self.P = np.zeros((n, n))
+        self.P[:9, :9] = start.P
+        self.P[range(9, n), range(9, n)] = sd**2
+        if settings.ecef:
+            self._rotate_start()
+        self.s = layout.per_state("value").copy()
+        for name, (value, sd) in start.states.items():
+            if name in layout:
+                where = layout.slice(name)
+                self.s[where.start - NAVIGATION_STATES : where.stop - NAVIGATION_STATES] = value
+                self.P[range(where.start, where.stop), range(where.start, where.stop)] = np.square(sd)
+        self.x = np.zeros(n)
+        self._acc = self.propagator.accumulator()
+        self._last = np.zeros(6)
+        self._rejections = [[0, 0.0] for _ in self.sensors]
+        self._scatter = [1.0] * len(self.sensors)
+        self._pointers = [int(np.searchsorted(sensor.times, self.time - TIME_TOLERANCE)) for sensor in self.sensors]
+        self._index = 0
+        period = settings.output_period
+        self._out_next = int(np.ceil(self.time / period - 1e-6)) if period > 0 else 0
+        self._F = np.empty((0, n))
+        self._out = self.propagator.buffers(OUTPUT_ROWS if period >= 0 else 0, transitions=False)
+        self._gates = [self._gate(sensor) for sensor in self.sensors]
+        self.record = FilterRecord(layout)
+        self._keep_checkpoint(())
+        if period == 0 or (period > 0 and abs(self._out_next * period - self.time) <= TIME_TOLERANCE):
+            self._emit()
+
+    def _gate(self, sensor: AidingSensor) -> dict[int, float]:
+        p = self.settings.gate_probability if sensor.gate is None else sensor.gate
+        return {d: float(chdtri(d, 1.0 - p)) if p < 1.0 else np.inf for d in range(1, 13)}
+
+    def _rotate_start(self) -> None:
+        from navfuse.core.earth import dcm_en
+
+        C = np.kron(np.eye(3), np.array(dcm_en(self.nav[0], self.nav[1])).reshape(3, 3))
+        self.nav = to_ecef(self.nav)
+        self.P[:9, :9] = C @ self.P[:9, :9] @ C.T
+
+    def feed(self, increments: ImuIncrements) -> None:
+        """Take in the next increments and every measurement up to their end.
+
+        Raises
+        ------
+        FilterError
+            If the increments do not begin where the last ended, or the state is no longer finite.
+        """
+        times = increments.time
+        if abs(times[0] - self.time) > TIME_TOLERANCE:
+            raise FilterError(f"increments begin at {times[0]:.6f} s but the filter stands at {self.time:.6f} s; feed them without a hole")
+        end = times[-1]
+        pending = [np.asarray(sensor.times[k:], dtype=float) for sensor, k in zip(self.sensors, self._pointers, strict=True)]
+        time, sensor, row = merge_events([p[: np.searchsorted(p, end + TIME_TOLERANCE, side="right")] for p in pending])
+        row += np.array(self._pointers, dtype=np.int64)[sensor] if row.size else 0
+        stops = self._with_gaps(time, increments)
+        at = 0
+        k = 0
+        while k < len(stops):
+            t, is_gap, _ = stops[k]
+            at = self._advance(increments, at, t)
+            updates: list[Update] = []
+            if is_gap:
+                self._inflate(increments, at)
+            while k < len(stops) and stops[k][0] - t <= TIME_TOLERANCE:
+                if not stops[k][1]:
+                    j = stops[k][2]
+                    self._measure(int(sensor[j]), int(row[j]), float(time[j]), updates)
+                k += 1
+            self._close(increments, at, tuple(updates))
+        following = [p[np.searchsorted(p, end + TIME_TOLERANCE, side="right") :] for p in pending]
+        horizon = min((p[0] for p in following if p.size), default=np.inf)
+        self._advance(increments, at, max(horizon, end + 2 * TIME_TOLERANCE))
+        self._index += increments.inc_theta_b.shape[0]
+
+    def _with_gaps(self, time: Array, increments: ImuIncrements) -> list[tuple[float, bool, int]]:
+        stops = [(float(t), False, j) for j, t in enumerate(time)]
+        gaps = np.flatnonzero(np.diff(increments.time) > self.settings.gap_s)
+        if gaps.size:
+            stops += [(float(increments.time[g + 1]), True, -1) for g in gaps]
+            stops.sort(key=lambda stop: (stop[0], not stop[1]))
+        return stops
+
+    def _advance(self, increments: ImuIncrements, at: int, t_end: float) -> int:
+        out = self._out
+        while True:
+            at, self.time, self._out_next, rows = self.propagator.advance(
+                increments, at, self.time, t_end, self.nav, self.s, self.x, self.P, self._F, self._acc, self._out_next, out, self._last
+            )
+            if rows:
+                self._put(out[0][:rows].copy(), out[1][:rows], out[2][:rows], out[3][:rows])
+            if rows < out[0].size or not rows:
+                return at
+
+    def _put(self, time: Array, nav: Array, x: Array, P: Array) -> None:
+        rows = np.empty((time.size, 18))
+        describe_rows(nav, x, P, self.settings.ecef, rows)
+        self.record.time.append(time)
+        self.record.rows.append(rows)
+
+    def _emit(self) -> None:
+        period = self.settings.output_period
+        time = self._out_next * period if period > 0 else self.time
+        self._put(np.array([time]), self.nav[None], self.x[None], self.P[None, :9])
+        self._out_next += 1
+
+    def _close(self, increments: ImuIncrements, at: int, updates: tuple[Update, ...]) -> None:
+        if not np.isfinite(self.nav.sum()):
+            raise FilterError(f"the navigation state is no longer finite at {self.time:.3f} s; look at the inertial data before it")
+        period = self.settings.output_period
+        due = abs(self._out_next * period - self.time) <= TIME_TOLERANCE if period > 0 else period == 0 and self.time == increments.time[at]
+        if due:
+            self._emit()
+        self._keep_checkpoint(updates, at)
+        self.record.state_time.append(self.time)
+        self.record.state_value.append(self.s + self.x[9:])
+        self.record.state_sd.append(np.sqrt(np.diagonal(self.P)[9:]))
+
+    def _keep_checkpoint(self, updates: tuple[Update, ...], at: int = 0) -> None:
+        if self.settings.checkpoints:
+            self.record.checkpoints.append(
+                Checkpoint(self._index + at, self.time, self.nav.copy(), self.s.copy(), self.x.copy(), self.P.copy(), updates)
+            )
+
+    def nav_state(self) -> NavState:
+        """The corrected navigation state where the filter stands, as sensors see it."""
+        nav = NavState(self.time, self.nav, self.settings.ecef, self.s, self.layout, self._last[:3], self._last[3:])
+        return nav.boxplus(self.x) if self.settings.open_loop else nav
+
+    def _measure(self, which: int, k: int, time: float, updates: list[Update]) -> None:
+        sensor = self.sensors[which]
+        self._pointers[which] = k + 1
+        if time < self.time - TIME_TOLERANCE:
+            self.record.innovations.append(Innovation(time, sensor.name, k, LATE, np.nan, np.empty(0), np.empty(0)))
+            return
+        z, H, R = sensor.linearize(self.nav_state(), k)
+        d = z.size
+        n = self.layout.size
+        K, S, Sinv, dx = np.empty((n, d)), np.empty((d, d)), np.empty((d, d)), np.empty(n)
+        withheld = sensor.withheld(k)
+        gate = self._gates[which][d] * max(1.0, self._scatter[which])
+        nis = update(self.P, H, R, z, -1.0 if withheld else gate, K, S, Sinv, dx)
+        if not np.isfinite(nis):
+            raise FilterError(
+                f"{sensor.name} measurement {k} at {time:.3f} s cannot be used: its innovation covariance is not positive definite or a value "
+                "is not finite; look at its noise and at the start covariance"
+            )
+        status = WITHHELD if withheld else USED if nis <= gate else REJECTED
+        if not withheld:
+            self._watch(which, nis / d)
+        if status == REJECTED and self._overdue(which, time):
+            self._loosen(1.01 * nis / gate)
+            nis_after = update(self.P, H, R, z, np.inf, K, S, Sinv, dx)
+            if not np.isfinite(nis_after):
+                raise FilterError(f"the covariance is no longer positive definite at {time:.3f} s")
+            status = RESET
+            self._note_reset(sensor.name, which, time)
+        if status in (USED, RESET):
+            self._rejections[which] = [0, 0.0]
+            self._correct(dx)
+            updates.append(Update(H, K, Sinv, z, dx[6:9].copy()))
+        sd = np.sqrt(np.diagonal(S))
+        self.record.innovations.append(Innovation(time, sensor.name, k, status, nis, z, sd))
+
+    def _watch(self, which: int, ratio: float) -> None:
+        """Follow how large the normalised innovations of a sensor really are, so that its gate fits sigmas that are too small."""
+        seen = self._scatter[which]
+        self._scatter[which] = seen + SCATTER_GAIN * (min(ratio, SCATTER_LIMIT * max(1.0, seen)) - seen)
+
+    def _overdue(self, which: int, time: float) -> bool:
+        count, since = self._rejections[which]
+        since = time if count == 0 else since
+        self._rejections[which] = [count + 1, since]
+        return count + 1 >= self.settings.reset_count and time - since >= self.settings.reset_s
+
+    def _loosen(self, factor: float) -> None:
+        """Add variance as if each state had wandered: by a factor, but no sensor state beyond its start, no attitude beyond RESET_ATTITUDE_SD."""
+        n = self.layout.size
+        sd = np.sqrt(np.maximum(np.diagonal(self.P), 1e-300))
+        most = np.full(n, np.inf)
+        most[6:9] = RESET_ATTITUDE_SD
+        most[9:] = np.maximum(self.layout.per_state("sd"), sd[9:])
+        grow = np.clip(most / sd, 1.0, np.sqrt(factor))
+        self.P[range(n), range(n)] *= grow**2
+
+    def _note_reset(self, name: str, which: int, time: float) -> None:
+        count, since = self._rejections[which]
+        self.record.notes.append(
+            f"{name}: {count} measurements in a row were rejected from {since:.1f} s to {time:.1f} s; the covariance was enlarged to take the "
+            "next one. Look at the settings of the inertial sensor, at time offsets and at the sigmas of the measurements."
+        )
+
+    def _correct(self, dx: Array) -> None:
+        if self.settings.open_loop:
+            self.x += dx
+            return
+        boxplus_navigation(self.nav, dx, self.settings.ecef)
+        self.s += dx[9:]
+        reset_attitude(self.P, dx[6:9])
+
+    def _inflate(self, increments: ImuIncrements, at: int) -> None:
+        gap = float(increments.time[at] - increments.time[at - 1])
+        q_angle = (self.settings.gap_gyro_sd * gap) ** 2
+        q_speed = (self.settings.gap_accel_sd * gap) ** 2
+        for i in range(3):
+            self.P[6 + i, 6 + i] += q_angle
+            self.P[3 + i, 3 + i] += q_speed
+            self.P[i, i] += 0.25 * gap**2 * q_speed
+            self.P[i, 3 + i] += 0.5 * gap * q_speed
+            self.P[3 + i, i] += 0.5 * gap * q_speed
+        self.record.notes.append(
+            f"no inertial data from {increments.time[at - 1]:.3f} s to {increments.time[at]:.3f} s ({gap:.3f} s): bridged with enlarged covariance"
+        )
+
+    def state(self) -> dict[str, Any]:
+        """Everything that a filter of the same start, model, sensors and settings needs to go on from here, as plain arrays."""
+        return {
+            "time": self.time,
+            "nav": self.nav.copy(),
+            "s": self.s.copy(),
+            "x": self.x.copy(),
+            "P": self.P.copy(),
+            "acc": self._acc.copy(),
+            "last": self._last.copy(),
+            "index": self._index,
+            "out_next": self._out_next,
+            "pointers": np.array(self._pointers, dtype=np.int64),
+            "scatter": np.array(self._scatter),
+            "rejections": np.array(self._rejections, dtype=float).reshape(-1, 2),
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from a saved :meth:`state`. The record starts empty.
+
+        Raises
+        ------
+        ConfigError
+            If the state belongs to another layout or another number of sensors.
+        """
+        if np.shape(state["P"]) != self.P.shape or len(state["pointers"]) != len(self.sensors):
+            raise ConfigError("the saved state belongs to a filter with other states or sensors; build the filter as it was when saved")
+        self.time = float(state["time"])
+        for name in ("nav", "s", "x", "P"):
+            setattr(self, name, np.array(state[name], dtype=float))
+        self._acc = np.array(state["acc"], dtype=float)
+        self._last = np.array(state["last"], dtype=float)
+        self._index = int(state["index"])
+        self._out_next = int(state["out_next"])
+        self._pointers = [int(k) for k in state["pointers"]]
+        self._scatter = [float(v) for v in state["scatter"]]
+        self._rejections = [[int(c), float(t)] for c, t in state["rejections"]]
+        self.record = FilterRecord(self.layout)

@@ -1,0 +1,291 @@
+"""Fixed-interval smoothing in the form of Bryson and Frazier.
+
+The smoothed estimate is that of the Rauch-Tung-Striebel smoother, but no covariance is inverted and no process noise is needed. Going
+back in time an adjoint vector and matrix gather what the later measurements say (Bierman 1977, *Factorization methods for discrete
+sequential estimation*, ch. X; Bryson and Frazier 1963)::
+
+    across a transition F             lam <- F^T lam,                              Lam <- F^T Lam F
+    across an update (H, K, S, z)     lam <- (I - K H)^T G^T lam - H^T S^-1 z,      Lam <- (I - K H)^T G^T Lam G (I - K H) + H^T S^-1 H
+    smoothed                          x_s = x - P lam,                             P_s = P - P Lam P
+
+with x and P of the filter at that moment and G the change of the attitude error when the estimate was corrected. In a closed loop x is
+zero and x_s is applied to the navigation state of the filter.
+
+Memory grows by one checkpoint per event. What lies between two events is propagated once more from the checkpoint, exactly as the filter
+did it, and smoothed on the way back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from navfuse.data.nav_state import describe_rows
+from navfuse.data.trajectory import Trajectory
+from navfuse.errors import ConfigError
+from navfuse.filters.ekf import ErrorStateFilter
+from navfuse.filters.record import Update, trajectory_from_rows
+from navfuse.imu.increments import ImuIncrements
+from navfuse.mechanization.propagate import TIME_TOLERANCE, identity_transition
+
+Array = np.ndarray
+
+CHUNK_ROWS = 256
+
+
+@dataclass(frozen=True, slots=True)
+class SmoothedRun:
+    """Result of :func:`smooth`.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+    state_time : (m,) array [s]
+        Times of the filter's events.
+    state_value, state_sd : (m, n - 9) arrays
+        Smoothed estimates of the states after the ninth and their standard deviations.
+    """
+
+    trajectory: Trajectory
+    state_time: Array
+    state_value: Array
+    state_sd: Array
+
+
+@njit(cache=True)
+def _back_across_transition(F, lam, Lam, work):
+    """lam <- F^T lam, Lam <- F^T Lam F for F in the (10, n) form of identity_transition. No checks are made."""
+    n = lam.size
+    for c in range(n):
+        v = 0.0
+        for r in range(9):
+            v += F[r, c] * lam[r]
+        work[0, c] = v + F[9, c] * lam[c] if c >= 9 else v
+    for c in range(n):
+        lam[c] = work[0, c]
+    for i in range(n):
+        for c in range(n):
+            work[i, c] = Lam[i, c] * F[9, c] if c >= 9 else 0.0
+        for r in range(9):
+            v = Lam[i, r]
+            for c in range(n):
+                work[i, c] += v * F[r, c]
+    for i in range(n):
+        for c in range(n):
+            Lam[i, c] = F[9, i] * work[i, c] if i >= 9 else 0.0
+        for r in range(9):
+            v = F[r, i]
+            for c in range(n):
+                Lam[i, c] += v * work[r, c]
+
+
+@njit(cache=True)
+def _smooth_rows(x, P, lam, Lam, row, out_x, out_P, work):
+    """Smoothed navigation error and its covariance of one row. `P` (r, 9, n) holds navigation rows. No checks are made."""
+    n = lam.size
+    for i in range(9):
+        v = x[row, i]
+        for c in range(n):
+            v -= P[row, i, c] * lam[c]
+            work[i, c] = 0.0
+        out_x[row, i] = v
+        for k in range(n):
+            p = P[row, i, k]
+            for c in range(n):
+                work[i, c] += p * Lam[k, c]
+    for i in range(9):
+        for j in range(i + 1):
+            v = P[row, i, j]
+            for c in range(n):
+                v -= work[i, c] * P[row, j, c]
+            out_P[row, i, j] = v
+            out_P[row, j, i] = v
+
+
+@njit(cache=True)
+def _back_across_rows(rows, x, P, F, lam, Lam, out_x, out_P, work):
+    """Smooth rows in reverse, carrying the adjoint back over the transition that leads to each. No checks are made."""
+    for row in range(rows - 1, -1, -1):
+        _smooth_rows(x, P, lam, Lam, row, out_x, out_P, work)
+        _back_across_transition(F[row], lam, Lam, work)
+
+
+@njit(cache=True)
+def _back_across_update(H, K, Sinv, z, dpsi, lam, Lam, work):
+    """Carry the adjoint from after a measurement update to before it. No checks are made."""
+    n = lam.size
+    d = z.size
+    hx, hy, hz = 0.5 * dpsi[0], 0.5 * dpsi[1], 0.5 * dpsi[2]
+    a, b, c = lam[6], lam[7], lam[8]
+    lam[6], lam[7], lam[8] = a - hy * c + hz * b, b - hz * a + hx * c, c - hx * b + hy * a
+    for i in range(n):
+        a, b, c = Lam[i, 6], Lam[i, 7], Lam[i, 8]
+        Lam[i, 6], Lam[i, 7], Lam[i, 8] = a - hy * c + hz * b, b - hz * a + hx * c, c - hx * b + hy * a
+    for i in range(n):
+        a, b, c = Lam[6, i], Lam[7, i], Lam[8, i]
+        Lam[6, i], Lam[7, i], Lam[8, i] = a - hy * c + hz * b, b - hz * a + hx * c, c - hx * b + hy * a
+    for e in range(d):
+        v = 0.0
+        for i in range(n):
+            v += K[i, e] * lam[i]
+        for f in range(d):
+            v += Sinv[e, f] * z[f]
+        work[0, e] = v
+    for i in range(n):
+        for e in range(d):
+            lam[i] -= H[e, i] * work[0, e]
+    for e in range(d):
+        for i in range(n):
+            v = 0.0
+            for j in range(n):
+                v += Lam[i, j] * K[j, e]
+            work[1 + e, i] = v
+    for i in range(n):
+        for j in range(n):
+            v = Lam[i, j]
+            for e in range(d):
+                v -= work[1 + e, i] * H[e, j]
+            Lam[i, j] = v
+    for e in range(d):
+        for i in range(n):
+            v = 0.0
+            for j in range(n):
+                v += K[j, e] * Lam[j, i]
+            for f in range(d):
+                v -= Sinv[e, f] * H[f, i]
+            work[1 + e, i] = v
+    for i in range(n):
+        for j in range(n):
+            v = Lam[i, j]
+            for e in range(d):
+                v -= H[e, i] * work[1 + e, j]
+            Lam[i, j] = v
+    for i in range(n):
+        for j in range(i):
+            v = 0.5 * (Lam[i, j] + Lam[j, i])
+            Lam[i, j] = v
+            Lam[j, i] = v
+
+
+@njit(cache=True)
+def _smooth_states(s, x, P, lam, Lam, value, sd):
+    """Smoothed states after the ninth and their deviations. No checks are made."""
+    n = lam.size
+    for i in range(9, n):
+        v = s[i - 9] + x[i]
+        var = P[i, i]
+        for c in range(n):
+            v -= P[i, c] * lam[c]
+            u = 0.0
+            for k in range(n):
+                u += P[i, k] * Lam[k, c]
+            var -= u * P[c, i]
+        value[i - 9] = v
+        sd[i - 9] = np.sqrt(max(var, 0.0))
+
+
+def smooth(
+    filter_: ErrorStateFilter, increments: ImuIncrements, progress: Callable[[float], None] | None = None
+) -> SmoothedRun:
+    """Smooth a finished filter run.
+
+    Parameters
+    ----------
+    filter_ : ErrorStateFilter
+        After its last increment, with ``settings.checkpoints`` on from the start.
+    increments : ImuIncrements
+        All increments it was fed, as one block.
+    progress : callable, optional
+        Called now and then with the fraction done.
+
+    Returns
+    -------
+    SmoothedRun
+        Output at the same times as the filter's.
+
+    Raises
+    ------
+    ConfigError
+        If the filter kept no checkpoints.
+    """
+    record, settings = filter_.record, filter_.settings
+    if not record.checkpoints:
+        raise ConfigError("smoothing needs a filter that keeps checkpoints: FilterSettings(checkpoints=True)")
+    n = record.layout.size
+    lam, Lam, work = np.zeros(n), np.zeros((n, n)), np.zeros((n + 13, n))
+    pool: list[tuple[Array, ...]] = []
+    times: list[Array] = []
+    pieces: list[Array] = []
+    values, deviations, value_times = [], [], []
+    end = filter_.time
+    boundaries = [c.time for c in record.checkpoints[1:]] + [max(end, increments.time[-1]) + 2 * TIME_TOLERANCE]
+    for k, (checkpoint, t_end) in enumerate(zip(reversed(record.checkpoints), reversed(boundaries), strict=True)):
+        if progress is not None and k % 200 == 0:
+            progress(k / len(boundaries))
+        _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, pool, times, pieces)
+        value, sd = np.empty(n - 9), np.empty(n - 9)
+        _smooth_states(checkpoint.s, checkpoint.x, checkpoint.P, lam, Lam, value, sd)
+        value_times.append(checkpoint.time)
+        values.append(value)
+        deviations.append(sd)
+        for update in reversed(checkpoint.updates):
+            _back_across_update(update.H, update.K, update.Sinv, update.z, update.dpsi * (not settings.open_loop), lam, Lam, work)
+    if progress is not None:
+        progress(1.0)
+    trajectory = trajectory_from_rows(times[::-1], pieces[::-1], "smoothed")
+    return SmoothedRun(trajectory, np.array(value_times[::-1]), np.array(values[::-1]), np.array(deviations[::-1]))
+
+
+def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, pool, times, pieces) -> None:
+    """Propagate again from a checkpoint to `t_end`, then smooth the outputs in between and at the checkpoint, last first."""
+    settings = filter_.settings
+    n = lam.size
+    period = settings.output_period
+    out_next, at_checkpoint = _outputs_from(checkpoint.time, period, increments)
+    runs: list[int] = []
+    propagator = filter_.propagator
+    nav, s, x, P = checkpoint.nav.copy(), checkpoint.s.copy(), checkpoint.x.copy(), checkpoint.P.copy()
+    F, acc, last = identity_transition(n), propagator.accumulator(), np.zeros(6)
+    capacity = 0 if period < 0 else CHUNK_ROWS
+    at, t = checkpoint.index, checkpoint.time
+    while True:
+        if len(pool) == len(runs):
+            pool.append(propagator.buffers(capacity, transitions=True))
+        at, t, out_next, rows = propagator.advance(increments, at, t, t_end, nav, s, x, P, F, acc, out_next, pool[len(runs)], last)
+        runs.append(rows)
+        if rows < capacity or capacity == 0:
+            break
+    _back_across_transition(F, lam, Lam, work)
+    for (time, row_nav, row_x, row_P, row_F, _), rows in zip(reversed(pool[: len(runs)]), reversed(runs), strict=True):
+        if rows:
+            x_s, P_s, out = np.empty((rows, 9)), np.empty((rows, 9, 9)), np.empty((rows, 18))
+            _back_across_rows(rows, row_x, row_P, row_F, lam, Lam, x_s, P_s, work)
+            describe_rows(row_nav[:rows], x_s, P_s, settings.ecef, out)
+            times.append(time[:rows].copy())
+            pieces.append(out)
+    if at_checkpoint is not None and t_end > checkpoint.time + TIME_TOLERANCE:
+        x_s, P_s = np.zeros((1, 9)), np.empty((1, 9, 9))
+        _smooth_rows(checkpoint.x[None], checkpoint.P[None, :9], lam, Lam, 0, x_s, P_s, work)
+        out = np.empty((1, 18))
+        describe_rows(checkpoint.nav[None], x_s, P_s, settings.ecef, out)
+        times.append(np.array([at_checkpoint]))
+        pieces.append(out)
+
+
+def _outputs_from(time: float, period: float, increments: ImuIncrements) -> tuple[int, float | None]:
+    """Number of the first output after a checkpoint, and the time of the one due at the checkpoint itself, if any."""
+    if period < 0:
+        return 0, None
+    if period == 0:
+        k = int(np.searchsorted(increments.time, time - TIME_TOLERANCE))
+        on_stamp = k < increments.time.size and increments.time[k] == time
+        return 0, time if on_stamp else None
+    number = int(np.ceil(time / period - 1e-9))
+    while number * period < time - TIME_TOLERANCE:
+        number += 1
+    if number * period <= time + TIME_TOLERANCE:
+        return number + 1, number * period
+    return number, None
