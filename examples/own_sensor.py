@@ -1,6 +1,7 @@
 """A sensor of your own: the speed over ground of a radar with an unknown scale factor.
 
-Run it with ``python examples/own_sensor.py``. It simulates a drive whose GNSS is lost for 30 s, and shows what the radar is worth then.
+Run it with ``python examples/own_sensor.py``. It simulates a drive whose GNSS is lost for 30 s, and shows what the
+radar is worth then.
 """
 
 from __future__ import annotations
@@ -49,7 +50,13 @@ def run(with_radar: bool, seed: int = 3) -> tuple[navfuse.Trajectory, float]:
     gnss = GnssPosition(logs.gnss, outages=((110.0, 140.0),))
     first = [truth.lat[0], truth.lon[0], truth.height[0]]
     start = Start.from_parts(
-        truth.time[0], first, truth.velocity_n[0], truth.attitude[0], np.full(3, 2.0), np.full(3, 0.1), np.radians([0.5, 0.5, 3.0])
+        truth.time[0],
+        first,
+        truth.velocity_n[0],
+        truth.attitude[0],
+        np.full(3, 2.0),
+        np.full(3, 0.1),
+        np.radians([0.5, 0.5, 3.0]),
     )
     estimator = ErrorStateFilter(start, model, [gnss, radar] if with_radar else [gnss], FilterSettings())
     if with_radar:

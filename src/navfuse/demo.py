@@ -10,10 +10,15 @@ import numpy as np
 from navfuse.analysis.metrics import compare
 from navfuse.data.result import Result
 from navfuse.data.trajectory import Trajectory
+from navfuse.imu.grades import grade
 from navfuse.io.atomic import atomic_folder
 from navfuse.io.tables import write_table
 from navfuse.io.trajectory_table import write_trajectory
-from navfuse.simulation import SimulatedLogs
+from navfuse.pipeline import process, write_result
+from navfuse.report.figures import figure_errors, figure_map
+from navfuse.report.page import write_report
+from navfuse.report.tables import metrics_text
+from navfuse.simulation import SimulatedLogs, car_drive, simulate
 
 DURATION_S = 120.0
 OUTAGE_S = (85.0, 105.0)
@@ -35,8 +40,8 @@ outages_s = [[{outage[0]}, {outage[1]}]]
 def run_demo(folder: str | os.PathLike[str], seed: int = 1) -> tuple[Result, list[str]]:
     """Simulate a two-minute car drive with a GNSS outage, process it, and show how well that went.
 
-    Writes the simulated logs, the truth, ``project.toml``, the results of ``navfuse run``, ``report.html`` with the errors, ``map.png`` and
-    ``errors.png``.
+    Writes the simulated logs, the truth, ``project.toml``, the results of ``navfuse run``, ``report.html`` with the
+    errors, ``map.png`` and ``errors.png``.
 
     Parameters
     ----------
@@ -50,14 +55,12 @@ def run_demo(folder: str | os.PathLike[str], seed: int = 1) -> tuple[Result, lis
     lines : list of str
         What to tell a newcomer.
     """
-    from navfuse.pipeline import process, write_result
-    from navfuse.report.figures import figure_errors, figure_map
-    from navfuse.report.page import write_report
-
     logs, lever = simulate_drive(seed)
     with atomic_folder(folder, stale=("forward.csv", "smoothed.csv", "innovations.csv")) as staging:
         write_logs(staging, logs)
-        (staging / "project.toml").write_text(_PROJECT.format(grade=GRADE, lever=lever, outage=OUTAGE_S), encoding="utf-8")
+        (staging / "project.toml").write_text(
+            _PROJECT.format(grade=GRADE, lever=lever, outage=OUTAGE_S), encoding="utf-8"
+        )
         result = process(staging / "project.toml")
         for section in ("imu", "gnss"):
             result.summary["settings"][section]["file"] = Path(result.summary["settings"][section]["file"]).name
@@ -71,9 +74,6 @@ def run_demo(folder: str | os.PathLike[str], seed: int = 1) -> tuple[Result, lis
 
 def simulate_drive(seed: int) -> tuple[SimulatedLogs, tuple[float, float, float]]:
     """The logs of the demonstration and its lever arm [m]."""
-    from navfuse.imu.grades import grade
-    from navfuse.simulation import car_drive, simulate
-
     lever = (-0.4, 0.2, -1.3)
     motion = car_drive(duration=DURATION_S, seed=seed)
     return simulate(motion, grade(GRADE), seed, imu_rate=100.0, gnss_rate=1.0, lever_arm_b=lever), lever
@@ -87,7 +87,12 @@ def write_logs(folder: Path, logs: SimulatedLogs) -> None:
         columns |= {name.format(axis): values[:, k] for k, axis in enumerate("xyz")}
     write_table(folder / "imu.parquet", columns)
     gnss = logs.gnss
-    columns = {"time_s": gnss.time, "lat_deg": np.degrees(gnss.lat), "lon_deg": np.degrees(gnss.lon), "height_m": gnss.height}
+    columns = {
+        "time_s": gnss.time,
+        "lat_deg": np.degrees(gnss.lat),
+        "lon_deg": np.degrees(gnss.lon),
+        "height_m": gnss.height,
+    }
     columns |= {f"sd_{axis}_m": gnss.sd_position[:, k] for k, axis in enumerate(("north", "east", "down"))}
     if gnss.velocity_n is not None and gnss.sd_velocity is not None:
         columns |= {f"v{axis}_mps": gnss.velocity_n[:, k] for k, axis in enumerate("ned")}
@@ -97,8 +102,6 @@ def write_logs(folder: Path, logs: SimulatedLogs) -> None:
 
 
 def _lines(folder: Path, result: Result, truth: Trajectory) -> list[str]:
-    from navfuse.report.tables import metrics_text
-
     found = {"filter": compare(result.forward, truth)}
     if result.smoothed is not None:
         found["smoothed"] = compare(result.smoothed, truth)
@@ -108,12 +111,14 @@ def _lines(folder: Path, result: Result, truth: Trajectory) -> list[str]:
         if trajectory is not None
     }
     return [
-        f"a simulated car drive of {DURATION_S:.0f} s: {GRADE} IMU at 100 Hz, GNSS at 1 Hz with 1 m noise, lost from {OUTAGE_S[0]:.0f} to "
+        f"a simulated car drive of {DURATION_S:.0f} s: {GRADE} IMU at 100 Hz, GNSS at 1 Hz with 1 m noise, lost from "
+        f"{OUTAGE_S[0]:.0f} to "
         f"{OUTAGE_S[1]:.0f} s",
         "",
         metrics_text(found),
         "",
-        "worst horizontal error while GNSS was lost: " + ", ".join(f"{name} {value:.2f} m" for name, value in inside.items()),
+        "worst horizontal error while GNSS was lost: "
+        + ", ".join(f"{name} {value:.2f} m" for name, value in inside.items()),
         "",
         "open these:",
         f"  {folder / 'report.html'}    the whole run, interactive",

@@ -2,8 +2,8 @@
 
     read -> increments -> alignment -> filter (mechanization and aiding) -> smoother -> result -> report
 
-:func:`process` is the whole of it as a function; :func:`run_project` writes the result folder that ``navfuse run`` promises;
-:func:`run_demo` does the same on a simulated drive.
+:func:`process` is the whole of it as a function; :func:`run_project` writes the result folder that ``navfuse run``
+promises.
 """
 
 from __future__ import annotations
@@ -25,11 +25,12 @@ from navfuse.analysis.summary import summarize_run
 from navfuse.config import Project, load_project
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.result import Result
+from navfuse.data.start import Known
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import AlignmentError, FilterError, NavfuseWarning
 from navfuse.filters.ekf import ErrorStateFilter, FilterSettings
 from navfuse.filters.record import collect
-from navfuse.imu.alignment import Alignment, Known, align
+from navfuse.imu.alignment import Alignment, align
 from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.increments import ImuIncrements, to_increments
 from navfuse.io.gnss_table import read_gnss
@@ -40,7 +41,9 @@ Array = np.ndarray
 Progress = Callable[[str, float], None]
 
 RESTART_GAP_S = 2.0
-"""After an inertial gap longer than this the navigation starts anew, because no covariance says how the vehicle turned meanwhile."""
+"""After an inertial gap longer than this the navigation starts anew, because no covariance says how the vehicle
+turned meanwhile.
+"""
 BLOCK_SAMPLES = 50_000
 
 
@@ -69,7 +72,13 @@ def process(
     ------
     ConfigError, InputError, AlignmentError, FilterError
     """
-    project = config if isinstance(config, Project) else Project.from_dict(config) if isinstance(config, Mapping) else load_project(config)
+    project = (
+        config
+        if isinstance(config, Project)
+        else Project.from_dict(config)
+        if isinstance(config, Mapping)
+        else load_project(config)
+    )
     tell = progress or _silent
     clock = _Clock()
     with _collected_warnings() as notes:
@@ -91,11 +100,17 @@ def process(
     return _result(project, imu, gnss, model, runs, clock, tuple(notes))
 
 
-def run_project(path: str | os.PathLike[str], folder: str | os.PathLike[str], *, report: bool = True, progress: Progress | None = None) -> Result:
+def run_project(
+    path: str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    *,
+    report: bool = True,
+    progress: Progress | None = None,
+) -> Result:
     """Process a project file and write the result folder.
 
-    Writes ``forward``, ``smoothed`` (when smoothing) and ``innovations`` in every format of ``[output] formats``, ``summary.json`` and, unless
-    switched off, ``report.html``. They appear together or not at all.
+    Writes ``forward``, ``smoothed`` (when smoothing) and ``innovations`` in every format of ``[output] formats``,
+    ``summary.json`` and, unless switched off, ``report.html``. They appear together or not at all.
 
     Raises
     ------
@@ -116,7 +131,8 @@ def run_project(path: str | os.PathLike[str], folder: str | os.PathLike[str], *,
 
 
 _OUTPUT_NAMES = tuple(
-    [f"{name}.{format_}" for name in ("forward", "smoothed", "innovations") for format_ in ("parquet", "csv")] + ["summary.json", "report.html"]
+    [f"{name}.{format_}" for name in ("forward", "smoothed", "innovations") for format_ in ("parquet", "csv")]
+    + ["summary.json", "report.html"]
 )
 
 
@@ -136,7 +152,9 @@ def write_result(folder: Path, result: Result, formats: tuple[str, ...] = ("parq
 
 def read_logs(project: Project) -> tuple[ImuLog, GnssLog | None]:
     """Read the logs of a project, with its axes, time offsets and sigmas applied."""
-    imu = read_imu(project.imu.file, axes=project.imu.axes, rotation=project.imu.rotation, time_offset_s=project.imu.time_offset_s)
+    imu = read_imu(
+        project.imu.file, axes=project.imu.axes, rotation=project.imu.rotation, time_offset_s=project.imu.time_offset_s
+    )
     settings = project.gnss
     if settings.file is None:
         return imu, None
@@ -147,8 +165,14 @@ def read_logs(project: Project) -> tuple[ImuLog, GnssLog | None]:
 
 
 def gap_limit(imu: ImuLog, project: Project) -> float:
-    """Longest step between inertial samples that is no gap [s]: ``max_gap_s``, or three usual steps of a slow sensor."""
-    return max(project.imu.max_gap_s, 3.0 * float(np.median(np.diff(imu.time)))) if imu.time.size > 1 else project.imu.max_gap_s
+    """Longest step between inertial samples that is no gap [s]: ``max_gap_s``, or three usual steps of a slow
+    sensor.
+    """
+    return (
+        max(project.imu.max_gap_s, 3.0 * float(np.median(np.diff(imu.time))))
+        if imu.time.size > 1
+        else project.imu.max_gap_s
+    )
 
 
 def cut(increments: ImuIncrements, until_s: float | None) -> ImuIncrements:
@@ -157,8 +181,11 @@ def cut(increments: ImuIncrements, until_s: float | None) -> ImuIncrements:
         return increments
     last = int(np.searchsorted(increments.time, until_s, side="right")) - 1
     if last < 1:
-        raise FilterError(f"[filter] until_s = {until_s:g}: nothing is left of the inertial data, which begin at {increments.time[0]:.3f} s")
-    return ImuIncrements(increments.time[: last + 1], increments.inc_theta_b[:last], increments.inc_v_b[:last])
+        raise FilterError(
+            f"[filter] until_s = {until_s:g}: nothing is left of the inertial data, which begin at "
+            f"{increments.time[0]:.3f} s"
+        )
+    return increments.piece(0, last)
 
 
 def known_start(project: Project) -> Known:
@@ -169,7 +196,9 @@ def known_start(project: Project) -> Known:
         return None if value is None else np.multiply(value, factor)
 
     degrees = np.pi / 180.0
-    position = None if s.lat_deg is None else np.array([s.lat_deg * degrees, s.lon_deg * degrees, s.height_m])
+    position = None
+    if s.lat_deg is not None and s.lon_deg is not None and s.height_m is not None:
+        position = np.array([s.lat_deg * degrees, s.lon_deg * degrees, s.height_m])
     return Known(
         time=s.time_s,
         position=position,
@@ -228,17 +257,19 @@ def _pieces(increments: ImuIncrements, project: Project) -> list[ImuIncrements]:
         longest = int(np.argmax(step))
         if step[longest] > max(project.imu.max_gap_s, 3.0 * float(np.median(step))):
             raise FilterError(
-                f"no inertial data for {step[longest]:.3f} s after {increments.time[longest]:.3f} s, and imu.on_gap = \"stop\"; "
+                f"no inertial data for {step[longest]:.3f} s after {increments.time[longest]:.3f} s, and imu.on_gap "
+                '= "stop"; '
                 'set imu.on_gap = "continue" or a larger imu.max_gap_s'
             )
     breaks = np.flatnonzero(step > limit)
     pieces, begin = [], 0
     for gap in [*breaks.tolist(), len(increments)]:
         if gap > begin:
-            pieces.append(ImuIncrements(increments.time[begin : gap + 1], increments.inc_theta_b[begin:gap], increments.inc_v_b[begin:gap]))
+            pieces.append(increments.piece(begin, gap))
         if gap < len(increments):
             _warn(
-                f"no inertial data for {step[gap]:.3f} s after {increments.time[gap]:.3f} s: too long to bridge; navigation starts anew behind it"
+                f"no inertial data for {step[gap]:.3f} s after {increments.time[gap]:.3f} s: too long to bridge; "
+                "navigation starts anew behind it"
             )
         begin = gap + 1
     return pieces
@@ -258,20 +289,28 @@ def _run_piece(
     try:
         with clock("alignment"):
             usable = _without_outages(gnss, project)
-            alignment = align(increments, usable, model, np.array(project.gnss.lever_arm_m), known_start(project) if first else Known())
+            alignment = align(
+                increments,
+                usable,
+                model,
+                np.array(project.gnss.lever_arm_m),
+                known_start(project) if first else Known(),
+            )
     except AlignmentError as error:
         if first:
             raise
         _warn(f"the stretch from {increments.time[0]:.3f} s to {increments.time[-1]:.3f} s is left out: {error}")
         return None
     begin = int(np.searchsorted(increments.time, alignment.start.time - 1e-6))
-    increments = ImuIncrements(increments.time[begin:], increments.inc_theta_b[begin:], increments.inc_v_b[begin:])
+    increments = increments.piece(begin)
     gap_s = max(project.imu.max_gap_s, 3.0 * float(np.median(increments.dt)))
     with clock("filter"):
-        estimator = ErrorStateFilter(alignment.start, model, [*gnss_sensors(project, gnss), *sensors], filter_settings(project, gap_s))
+        estimator = ErrorStateFilter(
+            alignment.start, model, [*gnss_sensors(project, gnss), *sensors], filter_settings(project, gap_s)
+        )
         for at in range(0, len(increments), BLOCK_SAMPLES):
             stop = min(at + BLOCK_SAMPLES, len(increments))
-            estimator.feed(ImuIncrements(increments.time[at : stop + 1], increments.inc_theta_b[at:stop], increments.inc_v_b[at:stop]))
+            estimator.feed(increments.piece(at, stop))
             tell("filter", stop / len(increments))
     smoothed = None
     if project.smoother.method == "rts":
@@ -308,7 +347,9 @@ def _result(
     smoothed = None
     if project.smoother.method == "rts":
         smoothed = _joined([run.smoothed.trajectory for run in runs if run.smoothed is not None], "smoothed")
-    result = Result(forward=forward, smoothed=smoothed, innovations=innovations, states=states, warnings=notes, fixes=gnss)
+    result = Result(
+        forward=forward, smoothed=smoothed, innovations=innovations, states=states, warnings=notes, fixes=gnss
+    )
     summary = summarize_run(
         result,
         settings=project.settings(),
@@ -326,7 +367,9 @@ def _joined(trajectories: list[Trajectory], source: str) -> Trajectory:
     if len(trajectories) == 1:
         return trajectories[0]
     names = ("time", "lat", "lon", "height", "velocity_n", "attitude", "sd_position", "sd_velocity", "sd_attitude")
-    return Trajectory(**{name: np.concatenate([getattr(t, name) for t in trajectories]) for name in names}, source=source)
+    return Trajectory(
+        **{name: np.concatenate([getattr(t, name) for t in trajectories]) for name in names}, source=source
+    )
 
 
 class _Clock:
@@ -365,10 +408,3 @@ def _warn(text: str) -> None:
 
 def _silent(stage: str, fraction: float) -> None:
     """No progress wanted."""
-
-
-def run_demo(folder: str | os.PathLike[str], seed: int = 1) -> tuple[Result, list[str]]:
-    """Simulate a short drive, process it and show how it went; see :func:`navfuse.demo.run_demo`."""
-    from navfuse.demo import run_demo as demo
-
-    return demo(folder, seed)

@@ -42,8 +42,11 @@ def pipeline(monkeypatch, result) -> ModuleType:
         module.calls.append((folder, seed))
         return result, ["horizontal error: 0.3 m", f"open {folder}/report.html"]
 
-    module.run_project, module.run_demo = run_project, run_demo
+    module.run_project = run_project
     monkeypatch.setitem(sys.modules, "navfuse.pipeline", module)
+    demo = ModuleType("navfuse.demo")
+    demo.run_demo = run_demo
+    monkeypatch.setitem(sys.modules, "navfuse.demo", demo)
     return module
 
 

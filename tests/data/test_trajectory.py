@@ -26,11 +26,9 @@ def trajectory(n=4, **changes):
 
 
 def test_native_columns_in_the_order_of_the_contract():
-    assert list(trajectory().to_columns()) == [
-        "time_s", "lat_deg", "lon_deg", "height_m", "vn_mps", "ve_mps", "vd_mps", "roll_deg", "pitch_deg", "heading_deg",
-        "sd_north_m", "sd_east_m", "sd_down_m", "sd_vn_mps", "sd_ve_mps", "sd_vd_mps", "sd_roll_deg", "sd_pitch_deg",
-        "sd_heading_deg",
-    ]  # fmt: skip
+    names = "time_s lat_deg lon_deg height_m vn_mps ve_mps vd_mps roll_deg pitch_deg heading_deg"
+    sigmas = "sd_north_m sd_east_m sd_down_m sd_vn_mps sd_ve_mps sd_vd_mps sd_roll_deg sd_pitch_deg sd_heading_deg"
+    assert list(trajectory().to_columns()) == names.split() + sigmas.split()
 
 
 def test_units():

@@ -10,6 +10,8 @@ import pytest
 from navfuse.errors import InputError, OutputError
 from navfuse.io.atomic import atomic_file, atomic_folder
 
+ANY_ERROR = pytest.mark.parametrize("error", [KeyboardInterrupt(), InputError("bad row"), RuntimeError("x")])
+
 
 def tree(folder):
     return {str(path.relative_to(folder)): path.read_text() for path in sorted(folder.rglob("*")) if path.is_file()}
@@ -26,28 +28,37 @@ def test_file_appears_at_the_end(tmp_path):
     assert tree(tmp_path) == {"out.csv": "new"}
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, InputError("bad row"), RuntimeError("x")])
+def write_file(path, error):
+    with atomic_file(path) as part:
+        part.write_text("half")
+        raise error
+
+
+def write_folder(path, error, names=("forward.csv",), stale=()):
+    with atomic_folder(path, stale) as part:
+        for name in names:
+            (part / name).write_text("half")
+        raise error
+
+
+@ANY_ERROR
 def test_file_stays_as_it_was_when_the_block_fails(tmp_path, error):
     path = tmp_path / "out.csv"
     path.write_text("old")
-    with pytest.raises(error if isinstance(error, type) else type(error)), atomic_file(path) as part:
-        part.write_text("half")
-        raise error
+    with pytest.raises(type(error)):
+        write_file(path, error)
     assert tree(tmp_path) == {"out.csv": "old"}
 
 
 def test_full_disk(tmp_path):
     with pytest.raises(OutputError, match=r"out\.csv: cannot be written: No space left on device"):
-        with atomic_file(tmp_path / "out.csv") as part:
-            part.write_text("half")
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write_file(tmp_path / "out.csv", OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
     assert tree(tmp_path) == {}
 
 
 def test_file_in_a_missing_folder(tmp_path):
     with pytest.raises(OutputError, match=r"the folder '.*no' has to exist"):
-        with atomic_file(tmp_path / "no" / "out.csv") as part:
-            part.write_text("x")
+        write_file(tmp_path / "no" / "out.csv", RuntimeError())
 
 
 def test_file_that_is_a_folder(tmp_path):
@@ -56,8 +67,8 @@ def test_file_that_is_a_folder(tmp_path):
 
 
 def test_output_error_of_the_block_passes(tmp_path):
-    with pytest.raises(OutputError, match="^inner$"), atomic_file(tmp_path / "out.csv"):
-        raise OutputError("inner")
+    with pytest.raises(OutputError, match="^inner$"):
+        write_file(tmp_path / "out.csv", OutputError("inner"))
 
 
 def test_new_folder(tmp_path):
@@ -84,22 +95,17 @@ def test_relative_folder(tmp_path, monkeypatch):
     assert tree(tmp_path) == {"run/x": "1", "y": "2"}
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, InputError("bad")])
+@ANY_ERROR
 def test_new_folder_does_not_appear_when_the_block_fails(tmp_path, error):
-    with (
-        pytest.raises(error if isinstance(error, type) else type(error)),
-        atomic_folder(tmp_path / "a" / "run") as part,
-    ):
-        (part / "x.csv").write_text("1")
-        raise error
+    with pytest.raises(type(error)):
+        write_folder(tmp_path / "a" / "run", error)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_made_parents_stay_if_something_else_went_into_them(tmp_path):
-    with pytest.raises(InputError), atomic_folder(tmp_path / "a" / "run"):
-        (tmp_path / "a" / "other").write_text("1")
-        raise InputError
-    assert tree(tmp_path) == {"a/other": "1"}
+    with pytest.raises(InputError):
+        write_folder(tmp_path / "a" / "run", InputError(), names=("../other",))
+    assert tree(tmp_path) == {"a/other": "half"}
 
 
 @pytest.fixture
@@ -123,15 +129,11 @@ def test_existing_folder(earlier):
     assert tree(earlier) == {"forward.csv": "new", "mine.txt": "old", "figures/b.png": "new"}
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, InputError("bad")])
+@ANY_ERROR
 def test_existing_folder_stays_when_the_block_fails(earlier, error):
     before = tree(earlier)
-    with (
-        pytest.raises(error if isinstance(error, type) else type(error)),
-        atomic_folder(earlier, stale=("smoothed.csv",)) as part,
-    ):
-        (part / "forward.csv").write_text("half")
-        raise error
+    with pytest.raises(type(error)):
+        write_folder(earlier, error, stale=("smoothed.csv",))
     assert tree(earlier) == before
     assert not any(path.name.startswith(".") for path in earlier.iterdir())
 
@@ -150,12 +152,15 @@ def test_earlier_result_is_put_back_when_the_moving_fails(earlier, monkeypatch, 
             raise error
         replace(source, target)
 
-    expected = OutputError if isinstance(error, OSError) else KeyboardInterrupt
-    with pytest.raises(expected), atomic_folder(earlier, stale=("smoothed.csv",)) as part:
-        for name in ("forward.csv", "new.csv"):
-            (part / name).write_text("new")
-        (part / "figures").mkdir()
-        monkeypatch.setattr(os, "replace", failing)
+    def run():
+        with atomic_folder(earlier, stale=("smoothed.csv",)) as part:
+            for name in ("forward.csv", "new.csv"):
+                (part / name).write_text("new")
+            (part / "figures").mkdir()
+            monkeypatch.setattr(os, "replace", failing)
+
+    with pytest.raises(OutputError if isinstance(error, OSError) else KeyboardInterrupt):
+        run()
     monkeypatch.undo()
     assert tree(earlier) == before
     assert not any(path.name.startswith(".") for path in earlier.iterdir())
@@ -173,6 +178,11 @@ def test_parent_that_is_a_file(tmp_path):
         pass
 
 
+def with_folder(path, entered):
+    with atomic_folder(path) as part:
+        entered.append(part)
+
+
 @pytest.mark.parametrize("exists", [True, False])
 def test_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, monkeypatch, exists):
     path = tmp_path / "run"
@@ -186,10 +196,9 @@ def test_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, monk
         mkdir(self, *args, **kwargs)
 
     monkeypatch.setattr(Path, "mkdir", refuse)
-    entered = False
+    entered = []
     with pytest.raises(OutputError, match="run: cannot be written: Permission denied; choose another place"):
-        with atomic_folder(path):
-            entered = True
+        with_folder(path, entered)
     assert not entered
     monkeypatch.undo()
     shutil.rmtree(path, ignore_errors=True)
@@ -197,6 +206,6 @@ def test_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, monk
 
 
 def test_reading_error_in_the_block_is_not_taken_for_an_output_error(tmp_path):
-    with pytest.raises(FileNotFoundError), atomic_folder(tmp_path / "run"):
-        (tmp_path / "nowhere").read_text()
+    with pytest.raises(FileNotFoundError):
+        write_folder(tmp_path / "run", FileNotFoundError(errno.ENOENT, "No such file or directory"))
     assert list(tmp_path.iterdir()) == []

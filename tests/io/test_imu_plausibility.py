@@ -15,7 +15,7 @@ G = 9.80665
 
 
 def swaying(seconds=120.0, rate=100.0, size=0.3, period=4.0):
-    """A sensor that rolls and pitches by `size` rad while it turns, with the gravity it feels; rates in rad/s, m/s^2."""
+    """A sensor that rolls and pitches by `size` rad while it turns, with the gravity it feels [s, rad/s, m/s^2]."""
     time = np.arange(0.0, seconds, 1.0 / rate)
     attitude = np.eye(3)
     gyro = np.column_stack(
@@ -73,7 +73,7 @@ def test_no_windows(log, log_is):
 
 
 def test_degrees_in_a_rate_column(log):
-    time, gyro, accel = log
+    time, gyro, _ = log
     with pytest.raises(
         InputError, match=r"f\.csv: columns gyro_x_radps, .* if they are degrees: rename to gyro_x_degps"
     ):

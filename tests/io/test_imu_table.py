@@ -323,7 +323,7 @@ def test_time_that_wraps(write, rates):
 def test_reversed_time_with_a_bad_row(write, rates, increments):
     for columns in (rates, increments):
         columns["time_s"] = columns["time_s"][::-1].copy()
-        columns[next(name for name in columns if name.endswith("x_radps") or name.endswith("x_rad"))][7] = np.nan
+        columns[next(name for name in columns if name.endswith(("x_radps", "x_rad")))][7] = np.nan
         with pytest.raises(InputError, match="does not increase"):
             read_imu(write(columns))
 

@@ -8,8 +8,8 @@ from navfuse.io.gnss_table import read_gnss
 from navfuse.io.rtklib_pos import parse_rtklib_pos
 
 LLH = (
-    "%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)  sdne(m)  sdeu(m)"
-    "  sdun(m) age(s)  ratio"
+    "%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns"
+    "   sdn(m)   sde(m)   sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio"
 )
 VELOCITY = "    vn(m/s)    ve(m/s)    vu(m/s)      sdvn     sdve     sdvu    sdvne    sdveu    sdvun"
 TAIL = " 1 12 0.0100 0.0200 0.0300 0.0010 -0.0020 0.0005 0.00 5.0"
@@ -125,8 +125,9 @@ def test_degrees_minutes_seconds(write):
 
 
 ECEF = (
-    "%  GPST                      x-ecef(m)      y-ecef(m)      z-ecef(m)   Q  ns   sdx(m)   sdy(m)   sdz(m)  sdxy(m)  sdyz(m)"
-    "  sdzx(m) age(s)  ratio    vx(m/s)    vy(m/s)    vz(m/s)      sdvx     sdvy     sdvz    sdvxy    sdvyz    sdvzx"
+    "%  GPST                      x-ecef(m)      y-ecef(m)      z-ecef(m)   Q  ns"
+    "   sdx(m)   sdy(m)   sdz(m)  sdxy(m)  sdyz(m)  sdzx(m) age(s)  ratio"
+    "    vx(m/s)    vy(m/s)    vz(m/s)      sdvx     sdvy     sdvz    sdvxy    sdvyz    sdvzx"
 )
 
 

@@ -148,7 +148,7 @@ def test_csv_missing_and_infinite_values(write):
 @pytest.mark.parametrize("cell", ["abc", "1_000", "0x10", "1d3", "--", "12:30", "1.5.2"])
 def test_csv_cell_that_is_no_number(write, cell):
     with pytest.raises(InputError, match=rf"log\.csv: line 5, column 'b': '{cell}' is not a number"):
-        open_table(write(f"a,b\n1,2\n\n3,4\n5,{cell}\n6,7\n")).read(["a", "b"])
+        open_table(write(f"a,b\n1,\n\nNaN, 4\n5,{cell}\n6,7\n")).read(["a", "b"])
 
 
 def test_csv_point_amid_decimal_commas(write):

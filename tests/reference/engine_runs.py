@@ -1,4 +1,4 @@
-"""Shortcuts for tests of the engine: the truth of a simulated motion as navigation states, and the mechanization alone."""
+"""Shortcuts for tests of the engine: the truth as navigation states, and the mechanization alone."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ def perfect_increments(motion: Motion, rate: float, start: float = 0.0, end: flo
 def cut(increments: ImuIncrements, first: int, last: int | None = None) -> ImuIncrements:
     """Increments `first` to `last` (exclusive) as a block of their own."""
     stop = None if last is None else last + 1
-    return ImuIncrements(increments.time[first:stop], increments.inc_theta_b[first:last], increments.inc_v_b[first:last])
+    return ImuIncrements(
+        increments.time[first:stop], increments.inc_theta_b[first:last], increments.inc_v_b[first:last]
+    )
 
 
 def mechanize(increments: ImuIncrements, nav: Array, ecef: bool, out_rate: float = 0.0) -> tuple[Array, Array]:
@@ -55,10 +57,10 @@ def mechanize(increments: ImuIncrements, nav: Array, ecef: bool, out_rate: float
     rows = int(span * out_rate) + 3 if out_rate else 0
     out = propagator.buffers(rows, transitions=False)
     first = int(np.ceil(increments.time[0] * out_rate - 1e-6)) if out_rate else 0
-    filled = propagator.advance(
-        increments, 0, float(increments.time[0]), increments.time[-1] + 1.0, nav, np.zeros(0), np.zeros(9), np.zeros((9, 9)),
-        np.empty((0, 9)), propagator.accumulator(), first, out, np.zeros(6),
-    )[3]  # fmt: skip
+    x, s, P, F = np.zeros(9), np.zeros(0), np.zeros((9, 9)), np.empty((0, 9))
+    begin, end = float(increments.time[0]), float(increments.time[-1]) + 1.0
+    acc, last = propagator.accumulator(), np.zeros(6)
+    filled = propagator.advance(increments, 0, begin, end, nav, s, x, P, F, acc, first, out, last)[3]
     return nav, out[1][:filled].copy()
 
 

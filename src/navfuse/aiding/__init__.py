@@ -1,6 +1,7 @@
 """Aiding sensors: what a filter corrects the inertial navigation with.
 
-:class:`AidingSensor` is the base class with a recipe; :func:`check` tries a sensor of your own before a filter relies on it.
+:class:`AidingSensor` is the base class with a recipe; :func:`check` tries a sensor of your own before a filter relies
+on it.
 """
 
 from navfuse.aiding.base import AidingSensor, numerical_jacobian

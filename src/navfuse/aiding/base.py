@@ -1,8 +1,8 @@
 """What an aiding sensor is to a filter.
 
-A sensor says when it measures, what it measured, what it would measure given a navigation state, and how noisy it is. Everything else has
-a default. Filters and smoothers see nothing but this class, so a sensor of your own has exactly the standing of the ones that come
-with navfuse.
+A sensor says when it measures, what it measured, what it would measure given a navigation state, and how noisy it is.
+Everything else has a default. Filters and smoothers see nothing but this class, so a sensor of your own has exactly
+the standing of the ones that come with navfuse.
 
 Recipe: subclass :class:`AidingSensor`, set ``name`` and ``times``, write :meth:`~AidingSensor.value`,
 :meth:`~AidingSensor.predict` and :meth:`~AidingSensor.noise`, then run :func:`navfuse.aiding.check` on it.
@@ -62,7 +62,9 @@ class AidingSensor:
         return False
 
     def jacobian(self, nav: NavState, k: int) -> Array:
-        """Derivative of the measurement with respect to the errors, (d, n); by default central differences through ``boxplus``."""
+        """Derivative of the measurement with respect to the errors, (d, n); by default central differences through
+        ``boxplus``.
+        """
         return numerical_jacobian(self, nav, k)
 
     def linearize(self, nav: NavState, k: int) -> tuple[Array, Array, Array]:
@@ -88,7 +90,9 @@ def noise_covariance(noise: Array | float, size: int) -> Array:
 
 
 def difference_steps(layout: Layout) -> Array:
-    """Step of each state for central differences: 1 m, 0.01 m/s, 1e-4 rad, and a tenth of the prior deviation of other states."""
+    """Step of each state for central differences: 1 m, 0.01 m/s, 1e-4 rad, and a tenth of the prior deviation of
+    other states.
+    """
     steps = np.empty(layout.size)
     steps[0:3] = 1.0
     steps[3:6] = 1e-2

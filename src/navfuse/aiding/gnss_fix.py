@@ -11,6 +11,7 @@ from navfuse.core.earth import dcm_en, ecef_to_geodetic, geodetic_to_ecef
 from navfuse.core.rotation import cross, dcm_from_quat, mat_mul, mat_t_vec, mat_vec
 from navfuse.data.logs import GnssLog
 from navfuse.data.nav_state import NavState, to_ned
+from navfuse.errors import InputError
 
 Array = np.ndarray
 OutageWindows = tuple[tuple[float, float], ...]
@@ -18,7 +19,9 @@ OutageWindows = tuple[tuple[float, float], ...]
 
 @njit(cache=True)
 def _antenna(nav, ecef, l_b):
-    """Rotation from the error frame to n, lever arm in the error frame and ECEF antenna position. No checks are made."""
+    """Rotation from the error frame to n, lever arm in the error frame and ECEF antenna position. No checks are
+    made.
+    """
     C_mb = dcm_from_quat((nav[6], nav[7], nav[8], nav[9]))
     l_m = mat_vec(C_mb, (l_b[0], l_b[1], l_b[2]))
     if ecef:
@@ -46,9 +49,10 @@ def predict_position(nav, ecef, l_b):
 def linearize_position(nav, ecef, l_b, lat, lon, h, z, H):
     """Innovation (3,) north, east, down [m] and its matrix H (3, n) of an antenna position, written into `z` and `H`.
 
-    z = C_ne (r_measured - r_e - C_eb l_b);  dz = C_nm (dr - [C_mb l_b x] psi). `H` must be zero beyond the ninth column. No checks are made.
+    z = C_ne (r_measured - r_e - C_eb l_b);  dz = C_nm (dr - [C_mb l_b x] psi). `H` must be zero beyond the ninth
+    column. No checks are made.
     """
-    C_mb, C_nm, l, r, C_en = _antenna(nav, ecef, l_b)
+    _, C_nm, l, r, C_en = _antenna(nav, ecef, l_b)
     m = geodetic_to_ecef(lat, lon, h)
     z[0], z[1], z[2] = mat_t_vec(C_en, (m[0] - r[0], m[1] - r[1], m[2] - r[2]))
     lx = mat_mul(C_nm, (0.0, -l[2], l[1], l[2], 0.0, -l[0], -l[1], l[0], 0.0))
@@ -60,7 +64,7 @@ def linearize_position(nav, ecef, l_b, lat, lon, h, z, H):
 
 @njit(cache=True)
 def _antenna_velocity(nav, ecef, l_b, w_ib_b):
-    C_mb, C_nm, l, r, C_en = _antenna(nav, ecef, l_b)
+    C_mb, C_nm, l, _, C_en = _antenna(nav, ecef, l_b)
     wl = mat_vec(C_mb, cross((w_ib_b[0], w_ib_b[1], w_ib_b[2]), (l_b[0], l_b[1], l_b[2])))
     ie = (0.0, 0.0, EARTH_RATE)
     if not ecef:
@@ -84,7 +88,8 @@ def linearize_velocity(nav, ecef, l_b, w_ib_b, gyro_bias, gyro_scale, measured, 
 
         dv_a = dv - [C_mb (w x l) x] psi + w_ie x [C_mb l x] psi - C_mb [l x] dw.
 
-    `gyro_bias` and `gyro_scale` are the first column of those states, or -1. `H` must be zero elsewhere. No checks are made.
+    `gyro_bias` and `gyro_scale` are the first column of those states, or -1. `H` must be zero elsewhere. No checks
+    are made.
     """
     v, C_mb, C_nm, l, wl, ie = _antenna_velocity(nav, ecef, l_b, w_ib_b)
     for a in range(3):
@@ -153,7 +158,9 @@ class GnssPosition(_GnssSensor):
 
     name = "gnss_position"
 
-    def __init__(self, log: GnssLog, lever_arm_b=(0.0, 0.0, 0.0), outages: OutageWindows = (), gate: float | None = None):
+    def __init__(
+        self, log: GnssLog, lever_arm_b=(0.0, 0.0, 0.0), outages: OutageWindows = (), gate: float | None = None
+    ):
         super().__init__(log, lever_arm_b, outages, gate)
 
     def value(self, k: int) -> Array:
@@ -194,10 +201,12 @@ class GnssVelocity(_GnssSensor):
 
     name = "gnss_velocity"
 
-    def __init__(self, log: GnssLog, lever_arm_b=(0.0, 0.0, 0.0), outages: OutageWindows = (), gate: float | None = None):
+    def __init__(
+        self, log: GnssLog, lever_arm_b=(0.0, 0.0, 0.0), outages: OutageWindows = (), gate: float | None = None
+    ):
         super().__init__(log, lever_arm_b, outages, gate)
         if log.velocity_n is None or log.sd_velocity is None:
-            raise ValueError("this GNSS log has no velocity")
+            raise InputError(f"{log.source}: has no velocities; use position only")
         self.rows = np.flatnonzero(np.all(np.isfinite(log.velocity_n), axis=1))
         self.times = log.time[self.rows]
         self._withheld = self._withheld[self.rows]

@@ -71,7 +71,9 @@ def summarize_run(
         "start": [_start(alignment) for alignment in alignments],
         "states": [*("position", "velocity", "attitude"), *result.states],
         "state_count": 9 + sum(history.values.shape[1] for history in result.states.values()),
-        "measurements": {source: summary.to_dict() for source, summary in nis_summary(result.innovations, exclude).items()},
+        "measurements": {
+            source: summary.to_dict() for source, summary in nis_summary(result.innovations, exclude).items()
+        },
         "expected_accuracy": _accuracy(result),
         "final_sensor_states": {name: _final(name, history) for name, history in result.states.items()},
         "run_time_s": {**seconds, "total": sum(seconds.values())},

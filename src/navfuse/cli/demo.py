@@ -19,7 +19,7 @@ def demo(
 ) -> None:
     """Simulate a two-minute car drive with a GNSS outage, process it and show how well that went."""
     announce_compilation()
-    from navfuse.pipeline import run_demo
+    from navfuse.demo import run_demo
 
     _, lines = run_demo(output, seed)
     for line in lines:

@@ -25,7 +25,8 @@ def update(P, H, R, z, gate, K, S, Sinv, dx):
     gate : float
         Largest normalised innovation squared that passes; inf = no gate.
     K : (n, d), S : (d, d), Sinv : (d, d), dx : (n,) arrays
-        Receive the gain, the innovation covariance, its inverse and the correction K z. K and dx are left alone by a rejected measurement.
+        Receive the gain, the innovation covariance, its inverse and the correction K z. K and dx are left alone by a
+        rejected measurement.
 
     Returns
     -------
@@ -120,8 +121,8 @@ def update(P, H, R, z, gate, K, S, Sinv, dx):
 def reset_attitude(P, dpsi):
     """Covariance of the attitude error after the estimate was turned by `dpsi` (3,) [rad], in place.
 
-    The new error is log(exp(psi) exp(-dpsi)), to first order (I + [dpsi x]/2) times the old one (Groves 2013, section 14.2.5 neglects it;
-    see also Markley 2003). No checks are made.
+    The new error is log(exp(psi) exp(-dpsi)), to first order (I + [dpsi x]/2) times the old one (Groves 2013, section
+    14.2.5 neglects it; see also Markley 2003). No checks are made.
     """
     n = P.shape[0]
     x, y, z = 0.5 * dpsi[0], 0.5 * dpsi[1], 0.5 * dpsi[2]

@@ -1,1 +1,1 @@
-""""""
+"""What flows through navfuse: logs, state layout, navigation state, trajectory, result."""

@@ -23,7 +23,8 @@ class ImuLog:
     accel : (n, 3) array
         Specific force [m/s^2] along body x, y, z (a level sensor at rest reads -g on z), or velocity increments [m/s].
     kind : {"rates", "increments"}
-        What the rows hold. Increments cover (time[k-1], time[k]]; the interval of row 0 is unknown, so row 0 is never integrated.
+        What the rows hold. Increments cover (time[k-1], time[k]]; the interval of row 0 is unknown, so row 0 is never
+        integrated.
     source : str
         Where the log came from, for messages.
     notes : tuple of str

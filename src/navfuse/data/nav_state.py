@@ -38,8 +38,9 @@ def boxplus_navigation(nav, d, ecef):
 
     Notes
     -----
-    In NED the corrected position has a north-east-down frame of its own; velocity and attitude are turned into it, so that the function is
-    exact for corrections of any size. No checks are made.
+    -----
+    In NED the corrected position has a north-east-down frame of its own; velocity and attitude are turned into
+    it, so that the function is exact for corrections of any size. No checks are made.
     """
     dq = quat_from_rotvec((d[6], d[7], d[8]))
     q = quat_normalize(quat_multiply(dq, (nav[6], nav[7], nav[8], nav[9])))
@@ -84,15 +85,17 @@ def to_ned(nav):
     C_en = dcm_en(out[0], out[1])
     out[3], out[4], out[5] = mat_t_vec(C_en, (nav[3], nav[4], nav[5]))
     C_eb = dcm_from_quat((nav[6], nav[7], nav[8], nav[9]))
-    out[6], out[7], out[8], out[9] = quat_from_dcm(mat_mul((C_en[0], C_en[3], C_en[6], C_en[1], C_en[4], C_en[7], C_en[2], C_en[5], C_en[8]), C_eb))
+    out[6], out[7], out[8], out[9] = quat_from_dcm(
+        mat_mul((C_en[0], C_en[3], C_en[6], C_en[1], C_en[4], C_en[7], C_en[2], C_en[5], C_en[8]), C_eb)
+    )
     return out
 
 
 class NavState:
     """Position, velocity, attitude and estimated sensor states at one moment, in whichever frame the filter works.
 
-    Everything a sensor may need is a property, computed when asked for. Aiding sensors read it; only :meth:`boxplus` changes it, and that
-    returns a new state.
+    Everything a sensor may need is a property, computed when asked for. Aiding sensors read it; only :meth:`boxplus`
+    changes it, and that returns a new state.
 
     Attributes
     ----------
@@ -103,7 +106,8 @@ class NavState:
     states : (n - 9,) array
         Estimates of the states after the ninth, in the order of `layout`.
     w_ib_b, f_b : (3,) arrays [rad/s], [m/s^2]
-        Angular rate and specific force, corrected for the estimated sensor errors, mean over the last inertial interval.
+        Angular rate and specific force, corrected for the estimated sensor errors, mean over the last inertial
+        interval.
     layout : Layout
     """
 
@@ -182,7 +186,9 @@ class NavState:
         return self.w_ib_b - self.C_eb[2] * EARTH_RATE
 
     def state(self, name: str) -> Array:
-        """Estimate of a named block of states after the ninth, e.g. ``"gyro_bias"``; KeyError if the filter has none."""
+        """Estimate of a named block of states after the ninth, e.g. ``"gyro_bias"``; KeyError if the filter has
+        none.
+        """
         where = self.layout.slice(name)
         return self.states[where.start - NAVIGATION_STATES : where.stop - NAVIGATION_STATES]
 
@@ -190,7 +196,9 @@ class NavState:
         """The state corrected by an error vector (n,), true minus estimate, in the order of `layout`."""
         array = self.array.copy()
         boxplus_navigation(array, delta, self.ecef)
-        moved = NavState(self.time, array, self.ecef, self.states + delta[NAVIGATION_STATES:], self.layout, self.w_ib_b, self.f_b)
+        moved = NavState(
+            self.time, array, self.ecef, self.states + delta[NAVIGATION_STATES:], self.layout, self.w_ib_b, self.f_b
+        )
         if "gyro_bias" in self.layout:
             moved.w_ib_b = self.w_ib_b - delta[self.layout.slice("gyro_bias")]
         if "gyro_scale" in self.layout:
@@ -216,14 +224,16 @@ def describe_rows(nav, d, P, ecef, out):
         Covariance of the navigation errors; only the first nine columns are read.
     ecef : bool
     out : (r, 18) array
-        Receives latitude, longitude [rad], height [m], v_n [m/s], roll, pitch, heading [rad], then the standard deviations of position
-        north, east, down [m], velocity [m/s], roll, pitch, heading [rad].
+        Receives latitude, longitude [rad], height [m], v_n [m/s], roll, pitch, heading [rad], then the standard
+        deviations of position north, east, down [m], velocity [m/s], roll, pitch, heading [rad].
 
     Notes
     -----
+    -----
     The small rotation psi resolved in n changes pitch by -sin(heading) psi_N + cos(heading) psi_E, roll by
-    (cos(heading) psi_N + sin(heading) psi_E) / cos(pitch) and heading by psi_D + sin(pitch) times the change of roll. Standard deviations of angles
-    are capped at pi/sqrt(3), that of an angle of which nothing is known. No checks are made.
+    (cos(heading) psi_N + sin(heading) psi_E) / cos(pitch) and heading by psi_D + sin(pitch) times the change of roll.
+    Standard deviations of angles are capped at pi/sqrt(3), that of an angle of which nothing is known. No checks are
+    made.
     """
     cap = np.pi / np.sqrt(3.0)
     J = np.zeros((9, 9))

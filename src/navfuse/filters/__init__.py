@@ -1,1 +1,1 @@
-""""""
+"""Estimators, one file each, and the record they leave."""

@@ -12,8 +12,8 @@ from scipy.special import chdtri
 from navfuse.aiding.base import AidingSensor
 from navfuse.core.kalman import reset_attitude, update
 from navfuse.data.layout import NAVIGATION_STATES, Layout
-from navfuse.data.start import Start
 from navfuse.data.nav_state import NavState, boxplus_navigation, describe_rows, to_ecef
+from navfuse.data.start import Start
 from navfuse.errors import ConfigError, FilterError
 from navfuse.filters.record import LATE, REJECTED, RESET, USED, WITHHELD, Checkpoint, FilterRecord, Innovation, Update
 from navfuse.imu.error_model import ImuErrorModel
@@ -27,6 +27,8 @@ Array = np.ndarray
 
 OUTPUT_ROWS = 64
 RESET_ATTITUDE_SD = np.radians(10.0)
+LINEAR_ATTITUDE = np.radians(1.0)
+LINEAR_POSITION = 5000.0
 SCATTER_GAIN = 0.02
 SCATTER_LIMIT = 10.0
 
@@ -48,9 +50,11 @@ class FilterSettings:
     gate_probability : float
         Share of good measurements that the chi-square gate lets pass; 1 = no gate.
     reset_count, reset_s : int, float [s]
-        After this many rejections of one sensor in a row over at least this time the covariance is enlarged until the next one passes.
+        After this many rejections of one sensor in a row over at least this time the covariance is enlarged until the
+        next one passes.
     gap_s : float [s]
-        An increment longer than this is a gap: motion inside is unknown by `gap_gyro_sd` [rad/s] and `gap_accel_sd` [m/s^2].
+        An increment longer than this is a gap: motion inside is unknown by `gap_gyro_sd` [rad/s] and `gap_accel_sd`
+        [m/s^2].
     checkpoints : bool
         Keep what a smoother needs.
     """
@@ -71,8 +75,9 @@ class FilterSettings:
 class ErrorStateFilter:
     """Inertial navigation corrected by aiding sensors, fed piece by piece.
 
-    Feeding the same increments in blocks of any size gives bit-identical results, provided each measurement is known to its sensor
-    before the increments that pass its time are fed. A measurement older than the filter is recorded as ``late`` and not used.
+    Feeding the same increments in blocks of any size gives bit-identical results, provided each measurement is known
+    to its sensor before the increments that pass its time are fed. A measurement older than the filter is recorded as
+    ``late`` and not used.
 
     Parameters
     ----------
@@ -95,8 +100,10 @@ class ErrorStateFilter:
 
     Notes
     -----
-    Errors are true minus estimate. In a closed loop every correction goes through :func:`navfuse.data.nav_state.boxplus_navigation`; in an open loop
-    it is kept in ``x`` and carried by the same transition (Groves 2013, section 14.1.1).
+    -----
+    Errors are true minus estimate. In a closed loop every correction goes through
+    :func:`navfuse.data.nav_state.boxplus_navigation`; in an open loop it is kept in ``x`` and carried by the same
+    transition (Groves 2013, section 14.1.1).
     """
 
     def __init__(
@@ -140,6 +147,7 @@ class ErrorStateFilter:
         self._acc = self.propagator.accumulator()
         self._last = np.zeros(6)
         self._rejections = [[0, 0.0] for _ in self.sensors]
+        self._linear = True
         self._scatter = [1.0] * len(self.sensors)
         self._pointers = [int(np.searchsorted(sensor.times, self.time - TIME_TOLERANCE)) for sensor in self.sensors]
         self._index = 0
@@ -174,9 +182,14 @@ class ErrorStateFilter:
         """
         times = increments.time
         if abs(times[0] - self.time) > TIME_TOLERANCE:
-            raise FilterError(f"increments begin at {times[0]:.6f} s but the filter stands at {self.time:.6f} s; feed them without a hole")
+            raise FilterError(
+                f"increments begin at {times[0]:.6f} s but the filter stands at {self.time:.6f} s; feed them without "
+                "a hole"
+            )
         end = times[-1]
-        pending = [np.asarray(sensor.times[k:], dtype=float) for sensor, k in zip(self.sensors, self._pointers, strict=True)]
+        pending = [
+            np.asarray(sensor.times[k:], dtype=float) for sensor, k in zip(self.sensors, self._pointers, strict=True)
+        ]
         time, sensor, row = merge_events([p[: np.searchsorted(p, end + TIME_TOLERANCE, side="right")] for p in pending])
         row += np.array(self._pointers, dtype=np.int64)[sensor] if row.size else 0
         stops = self._with_gaps(time, increments)
@@ -211,7 +224,19 @@ class ErrorStateFilter:
         out = self._out
         while True:
             at, self.time, self._out_next, rows = self.propagator.advance(
-                increments, at, self.time, t_end, self.nav, self.s, self.x, self.P, self._F, self._acc, self._out_next, out, self._last
+                increments,
+                at,
+                self.time,
+                t_end,
+                self.nav,
+                self.s,
+                self.x,
+                self.P,
+                self._F,
+                self._acc,
+                self._out_next,
+                out,
+                self._last,
             )
             if rows:
                 self._put(out[0][:rows].copy(), out[1][:rows], out[2][:rows], out[3][:rows])
@@ -232,9 +257,15 @@ class ErrorStateFilter:
 
     def _close(self, increments: ImuIncrements, at: int, updates: tuple[Update, ...]) -> None:
         if not np.isfinite(self.nav.sum()):
-            raise FilterError(f"the navigation state is no longer finite at {self.time:.3f} s; look at the inertial data before it")
+            raise FilterError(
+                f"the navigation state is no longer finite at {self.time:.3f} s; look at the inertial data before it"
+            )
         period = self.settings.output_period
-        due = abs(self._out_next * period - self.time) <= TIME_TOLERANCE if period > 0 else period == 0 and self.time == increments.time[at]
+        due = (
+            abs(self._out_next * period - self.time) <= TIME_TOLERANCE
+            if period > 0
+            else period == 0 and self.time == increments.time[at]
+        )
         if due:
             self._emit()
         self._keep_checkpoint(updates, at)
@@ -245,7 +276,9 @@ class ErrorStateFilter:
     def _keep_checkpoint(self, updates: tuple[Update, ...], at: int = 0) -> None:
         if self.settings.checkpoints:
             self.record.checkpoints.append(
-                Checkpoint(self._index + at, self.time, self.nav.copy(), self.s.copy(), self.x.copy(), self.P.copy(), updates)
+                Checkpoint(
+                    self._index + at, self.time, self.nav.copy(), self.s.copy(), self.x.copy(), self.P.copy(), updates
+                )
             )
 
     def nav_state(self) -> NavState:
@@ -268,7 +301,8 @@ class ErrorStateFilter:
         nis = update(self.P, H, R, z, -1.0 if withheld else gate, K, S, Sinv, dx)
         if not np.isfinite(nis):
             raise FilterError(
-                f"{sensor.name} measurement {k} at {time:.3f} s cannot be used: its innovation covariance is not positive definite or a value "
+                f"{sensor.name} measurement {k} at {time:.3f} s cannot be used: its innovation covariance is not "
+                "positive definite or a value "
                 "is not finite; look at its noise and at the start covariance"
             )
         status = WITHHELD if withheld else USED if nis <= gate else REJECTED
@@ -289,7 +323,9 @@ class ErrorStateFilter:
         self.record.innovations.append(Innovation(time, sensor.name, k, status, nis, z, sd))
 
     def _watch(self, which: int, ratio: float) -> None:
-        """Follow how large the normalised innovations of a sensor really are, so that its gate fits sigmas that are too small."""
+        """Follow how large the normalised innovations of a sensor really are, so that its gate fits sigmas that are
+        too small.
+        """
         seen = self._scatter[which]
         self._scatter[which] = seen + SCATTER_GAIN * (min(ratio, SCATTER_LIMIT * max(1.0, seen)) - seen)
 
@@ -300,7 +336,9 @@ class ErrorStateFilter:
         return count + 1 >= self.settings.reset_count and time - since >= self.settings.reset_s
 
     def _loosen(self, factor: float) -> None:
-        """Add variance as if each state had wandered: by a factor, but no sensor state beyond its start, no attitude beyond RESET_ATTITUDE_SD."""
+        """Add variance as if each state had wandered: by a factor, but no sensor state beyond its start, no attitude
+        beyond RESET_ATTITUDE_SD.
+        """
         n = self.layout.size
         sd = np.sqrt(np.maximum(np.diagonal(self.P), 1e-300))
         most = np.full(n, np.inf)
@@ -312,17 +350,34 @@ class ErrorStateFilter:
     def _note_reset(self, name: str, which: int, time: float) -> None:
         count, since = self._rejections[which]
         self.record.notes.append(
-            f"{name}: {count} measurements in a row were rejected from {since:.1f} s to {time:.1f} s; the covariance was enlarged to take the "
-            "next one. Look at the settings of the inertial sensor, at time offsets and at the sigmas of the measurements."
+            f"{name}: {count} measurements in a row were rejected from {since:.1f} s to {time:.1f} s; the covariance "
+            "was enlarged to take the "
+            "next one. Look at the settings of the inertial sensor, at time offsets and at the sigmas of the "
+            "measurements."
         )
 
     def _correct(self, dx: Array) -> None:
         if self.settings.open_loop:
             self.x += dx
+            self._watch_linear_range()
             return
         boxplus_navigation(self.nav, dx, self.settings.ecef)
         self.s += dx[9:]
         reset_attitude(self.P, dx[6:9])
+
+    def _watch_linear_range(self) -> None:
+        """Say once when the errors of an uncorrected inertial solution have grown out of the range where they are "
+        "linear.
+        """
+        turned = float(np.max(np.abs(self.x[6:9])))
+        away = float(np.max(np.abs(self.x[:3])))
+        if self._linear and (turned > LINEAR_ATTITUDE or away > LINEAR_POSITION):
+            self._linear = False
+            self.record.notes.append(
+                f"open loop: at {self.time:.1f} s the uncorrected inertial solution is off by "
+                f"{np.degrees(turned):.2f} deg and {away:.0f} m, "
+                'out of the range where its errors are linear; use [filter] feedback = "closed" with this sensor'
+            )
 
     def _inflate(self, increments: ImuIncrements, at: int) -> None:
         gap = float(increments.time[at] - increments.time[at - 1])
@@ -335,11 +390,14 @@ class ErrorStateFilter:
             self.P[i, 3 + i] += 0.5 * gap * q_speed
             self.P[3 + i, i] += 0.5 * gap * q_speed
         self.record.notes.append(
-            f"no inertial data from {increments.time[at - 1]:.3f} s to {increments.time[at]:.3f} s ({gap:.3f} s): bridged with enlarged covariance"
+            f"no inertial data from {increments.time[at - 1]:.3f} s to {increments.time[at]:.3f} s ({gap:.3f} s): "
+            "bridged with enlarged covariance"
         )
 
     def state(self) -> dict[str, Any]:
-        """Everything that a filter of the same start, model, sensors and settings needs to go on from here, as plain arrays."""
+        """Everything that a filter of the same start, model, sensors and settings needs to go on from here, as plain
+        arrays.
+        """
         return {
             "time": self.time,
             "nav": self.nav.copy(),
@@ -364,7 +422,10 @@ class ErrorStateFilter:
             If the state belongs to another layout or another number of sensors.
         """
         if np.shape(state["P"]) != self.P.shape or len(state["pointers"]) != len(self.sensors):
-            raise ConfigError("the saved state belongs to a filter with other states or sensors; build the filter as it was when saved")
+            raise ConfigError(
+                "the saved state belongs to a filter with other states or sensors; build the filter as it was when "
+                "saved"
+            )
         self.time = float(state["time"])
         for name in ("nav", "s", "x", "P"):
             setattr(self, name, np.array(state[name], dtype=float))

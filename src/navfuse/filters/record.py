@@ -14,11 +14,15 @@ from navfuse.data.trajectory import Trajectory
 Array = np.ndarray
 
 USED, REJECTED, WITHHELD, LATE, RESET = "used", "rejected", "withheld", "late", "reset"
-"""What became of a measurement. ``reset``: used after the covariance was enlarged, because the ones before it were all rejected."""
+"""What became of a measurement. ``reset``: used after the covariance was enlarged, because the ones before it were
+all rejected.
+"""
 
 
 class Update(NamedTuple):
-    """One applied measurement: matrix H (d, n), gain K (n, d), inverse innovation covariance, innovation z, attitude correction (3,)."""
+    """One applied measurement: matrix H (d, n), gain K (n, d), inverse innovation covariance, innovation z, attitude
+    correction (3,).
+    """
 
     H: Array
     K: Array
@@ -28,7 +32,9 @@ class Update(NamedTuple):
 
 
 class Checkpoint(NamedTuple):
-    """The filter after an event: number of increments finished, time, state, covariance, and the updates applied in order."""
+    """The filter after an event: number of increments finished, time, state, covariance, and the updates applied in
+    order.
+    """
 
     index: int
     time: float

@@ -1,14 +1,14 @@
 """Heading of a levelled inertial sensor, from the motion that GNSS saw or from the Earth's rotation.
 
-With the attitude integrated from the gyroscopes in a level frame L of unknown heading psi, horizontal velocity obeys, in complex
-notation (north + i east, forward + i right),
+With the attitude integrated from the gyroscopes in a level frame L of unknown heading psi, horizontal velocity obeys,
+in complex notation (north + i east, forward + i right),
 
     v(t) = v0 + exp(i psi) A(t) + c1 t + c2 t^2 / 2,      A(t) = integral of the level specific force
 
-where c1 takes the error of the levelling and of the accelerometer biases and c2 its growth by gyro errors, both with a prior. That is linear
-in the complex unknowns (v0, z, c1, c2), with z = exp(i psi) left free: its modulus comes out near one when the axes and units of the
-sensor are right, which is a check. Positions take the integral of the same equation. Nothing is assumed about the vehicle: it may slide, climb,
-hover or drive backwards.
+where c1 takes the error of the levelling and of the accelerometer biases and c2 its growth by gyro errors, both with
+a prior. That is linear in the complex unknowns (v0, z, c1, c2), with z = exp(i psi) left free: its modulus comes out
+near one when the axes and units of the sensor are right, which is a check. Positions take the integral of the same
+equation. Nothing is assumed about the vehicle: it may slide, climb, hover or drive backwards.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ def integrate_level(inc_theta_b, inc_v_b, dt, q_lb, gyro_bias, lever_b, dv_l, le
     gyro_bias : (3,) array [rad/s]
     lever_b : (3,) array [m]
     dv_l, lever_l, lever_rate_l : (k, 3) arrays
-        Receive, per interval, the velocity increment, and at its end the lever arm and its velocity, in the level frame.
+        Receive, per interval, the velocity increment, and at its end the lever arm and its velocity, in the level
+        frame.
 
     Notes
     -----
@@ -176,8 +177,8 @@ def fit_heading(
 def earth_rate_heading(mean_rate_b: Array, C_lb: Array, lat: float, sd_rate: float) -> tuple[float, float]:
     """Heading and its standard deviation [rad] from the mean angular rate at rest (gyrocompassing).
 
-    The horizontal Earth rate points north: levelled, it reads w_ie cos(lat) exp(-i heading). `sd_rate` [rad/s] is what is left of bias and noise
-    of the mean. Source: Groves 2013, section 5.6.2.
+    The horizontal Earth rate points north: levelled, it reads w_ie cos(lat) exp(-i heading). `sd_rate` [rad/s] is
+    what is left of bias and noise of the mean. Source: Groves 2013, section 5.6.2.
     """
     w = C_lb @ mean_rate_b
     return float(np.arctan2(-w[1], w[0]) % (2 * np.pi)), float(sd_rate / max(EARTH_RATE * np.cos(lat), 1e-12))

@@ -68,6 +68,11 @@ class ImuIncrements:
     def __len__(self) -> int:
         return self.inc_theta_b.shape[0]
 
+    def piece(self, first: int, last: int | None = None) -> ImuIncrements:
+        """Increments `first` until before `last` (default: to the end), as views."""
+        last = len(self) if last is None else last
+        return ImuIncrements(self.time[first : last + 1], self.inc_theta_b[first:last], self.inc_v_b[first:last])
+
 
 @njit(cache=True, error_model="numpy")
 def _from_rates(time, gyro, accel, gap_s, inc_theta, inc_v):
@@ -119,8 +124,8 @@ class IncrementsBuilder:
     gap_s : float [s]
         Over an interval longer than this, and for an increment sensor also in the interval after it, coning and
         sculling are left out: the linear model says nothing across a gap. A rate sensor is still integrated by the
-        trapezoid; the increments of the row behind a gap, which cover its last interval only, are stretched to the whole
-        gap as if the motion had stayed the same. What to do with a long interval is for the filter to decide.
+        trapezoid; the increments of the row behind a gap, which cover its last interval only, are stretched to the
+        whole gap as if the motion had stayed the same. What to do with a long interval is for the filter to decide.
     """
 
     def __init__(self, kind: Literal["rates", "increments"], gap_s: float = np.inf) -> None:

@@ -9,7 +9,8 @@ from navfuse.imu.error_model import ImuErrorModel
 
 
 def imu_blocks(model: ImuErrorModel) -> tuple[Block, ...]:
-    """Blocks of states for the errors that the model gives a standard deviation or a walk; the others are not estimated.
+    """Blocks of states for the errors that the model gives a standard deviation or a walk; the others are not
+    estimated.
 
     Order: gyro_bias [rad/s], accel_bias [m/s^2], gyro_scale, accel_scale [1], gyro_cross, accel_cross [rad].
     """

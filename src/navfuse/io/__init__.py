@@ -1,1 +1,1 @@
-""""""
+"""Files to logs and results to files, one module per format."""

@@ -206,17 +206,13 @@ class CsvTable:
         if len(cells) != len(self.names):
             return f": has {len(cells)} cells, the header has {len(self.names)}; complete or remove the line"
         for position, name in positions:
-            if not _is_number(cells[position], self._decimal):
-                return (
-                    f", column '{name}': '{cells[position][:40]}' is not a number; correct the cell or leave it empty"
-                )
+            cell = cells[position].strip()
+            if cell.lower() not in _NOT_AVAILABLE and not _is_number(cell, self._decimal):
+                return f", column '{name}': '{cell[:40]}' is not a number; correct the cell or leave it empty"
         return ""
 
 
 def _is_number(cell: str, decimal: str) -> bool:
-    cell = cell.strip()
-    if cell.lower() in _NOT_AVAILABLE:
-        return cell != ""
     if "_" in cell or (decimal == "," and "." in cell):
         return False
     try:

@@ -15,9 +15,9 @@ from navfuse.core.rotation import quat_from_rotvec, quat_multiply
 def rotate_increment(tx, ty, tz, ux, uy, uz):
     """Velocity increment resolved at the start of its interval: u + t x u / 2 + t x (t x u) / 6.
 
-    Exact to third order in the rotation `t` for a rate and a specific force that are constant in the body over the interval;
-    what varies inside is the sculling term that :mod:`navfuse.imu.increments` adds beforehand (Groves 2013, eq. 5.84;
-    Savage 1998). No checks are made.
+    Exact to third order in the rotation `t` for a rate and a specific force that are constant in the body over the
+    interval; what varies inside is the sculling term that :mod:`navfuse.imu.increments` adds beforehand (Groves 2013,
+    eq. 5.84; Savage 1998). No checks are made.
     """
     cx = ty * uz - tz * uy
     cy = tz * ux - tx * uz
@@ -50,9 +50,11 @@ def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
 
     Notes
     -----
-    Second order in `dt`. Gravity, Earth rate and transport rate are evaluated once, at the predicted middle of the interval; the
-    position takes the mean of the velocities (Groves 2013, section 5.3-5.4, with the midpoint in place of his start values).
-    Not valid within a few metres of a pole, where longitude is undefined: use the ECEF mechanization there. No checks are made.
+    -----
+    Second order in `dt`. Gravity, Earth rate and transport rate are evaluated once, at the predicted middle of
+    the interval; the position takes the mean of the velocities (Groves 2013, section 5.3-5.4, with the midpoint in
+    place of his start values). Not valid within a few metres of a pole, where longitude is undefined: use the ECEF
+    mechanization there. No checks are made.
     """
     lat, h = nav[0], nav[2]
     vn, ve, vd = nav[3], nav[4], nav[5]

@@ -1,1 +1,1 @@
-""""""
+"""Smoothers, one file each."""

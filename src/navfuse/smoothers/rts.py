@@ -1,18 +1,18 @@
 """Fixed-interval smoothing in the form of Bryson and Frazier.
 
-The smoothed estimate is that of the Rauch-Tung-Striebel smoother, but no covariance is inverted and no process noise is needed. Going
-back in time an adjoint vector and matrix gather what the later measurements say (Bierman 1977, *Factorization methods for discrete
-sequential estimation*, ch. X; Bryson and Frazier 1963)::
+The smoothed estimate is that of the Rauch-Tung-Striebel smoother, but no covariance is inverted and no process noise
+is needed. Going back in time an adjoint vector and matrix gather what the later measurements say (Bierman 1977,
+*Factorization methods for discrete sequential estimation*, ch. X; Bryson and Frazier 1963)::
 
-    across a transition F             lam <- F^T lam,                              Lam <- F^T Lam F
-    across an update (H, K, S, z)     lam <- (I - K H)^T G^T lam - H^T S^-1 z,      Lam <- (I - K H)^T G^T Lam G (I - K H) + H^T S^-1 H
+    across a transition F             lam <- F^T lam,                              Lam <- F^T Lam F across an update
+    (H, K, S, z)     lam <- (I - K H)^T G^T lam - H^T S^-1 z,      Lam <- (I - K H)^T G^T Lam G (I - K H) + H^T S^-1 H
     smoothed                          x_s = x - P lam,                             P_s = P - P Lam P
 
-with x and P of the filter at that moment and G the change of the attitude error when the estimate was corrected. In a closed loop x is
-zero and x_s is applied to the navigation state of the filter.
+with x and P of the filter at that moment and G the change of the attitude error when the estimate was corrected. In a
+closed loop x is zero and x_s is applied to the navigation state of the filter.
 
-Memory grows by one checkpoint per event. What lies between two events is propagated once more from the checkpoint, exactly as the filter
-did it, and smoothed on the way back.
+Memory grows by one checkpoint per event. What lies between two events is propagated once more from the checkpoint,
+exactly as the filter did it, and smoothed on the way back.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from navfuse.data.nav_state import describe_rows
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
 from navfuse.filters.ekf import ErrorStateFilter
-from navfuse.filters.record import Update, trajectory_from_rows
+from navfuse.filters.record import trajectory_from_rows
 from navfuse.imu.increments import ImuIncrements
 from navfuse.mechanization.propagate import TIME_TOLERANCE, identity_transition
 
@@ -57,7 +57,7 @@ class SmoothedRun:
 
 @njit(cache=True)
 def _back_across_transition(F, lam, Lam, work):
-    """lam <- F^T lam, Lam <- F^T Lam F for F in the (10, n) form of identity_transition. No checks are made."""
+    """Lam <- F^T lam, Lam <- F^T Lam F for F in the (10, n) form of identity_transition. No checks are made."""
     n = lam.size
     for c in range(n):
         v = 0.0
@@ -84,7 +84,9 @@ def _back_across_transition(F, lam, Lam, work):
 
 @njit(cache=True)
 def _smooth_rows(x, P, lam, Lam, row, out_x, out_P, work):
-    """Smoothed navigation error and its covariance of one row. `P` (r, 9, n) holds navigation rows. No checks are made."""
+    """Smoothed navigation error and its covariance of one row. `P` (r, 9, n) holds navigation rows. No checks are
+    made.
+    """
     n = lam.size
     for i in range(9):
         v = x[row, i]
@@ -232,7 +234,9 @@ def smooth(
         values.append(value)
         deviations.append(sd)
         for update in reversed(checkpoint.updates):
-            _back_across_update(update.H, update.K, update.Sinv, update.z, update.dpsi * (not settings.open_loop), lam, Lam, work)
+            _back_across_update(
+                update.H, update.K, update.Sinv, update.z, update.dpsi * (not settings.open_loop), lam, Lam, work
+            )
     if progress is not None:
         progress(1.0)
     trajectory = trajectory_from_rows(times[::-1], pieces[::-1], "smoothed")
@@ -240,7 +244,9 @@ def smooth(
 
 
 def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, pool, times, pieces) -> None:
-    """Propagate again from a checkpoint to `t_end`, then smooth the outputs in between and at the checkpoint, last first."""
+    """Propagate again from a checkpoint to `t_end`, then smooth the outputs in between and at the checkpoint, last
+    first.
+    """
     settings = filter_.settings
     n = lam.size
     period = settings.output_period
@@ -254,7 +260,9 @@ def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, pool
     while True:
         if len(pool) == len(runs):
             pool.append(propagator.buffers(capacity, transitions=True))
-        at, t, out_next, rows = propagator.advance(increments, at, t, t_end, nav, s, x, P, F, acc, out_next, pool[len(runs)], last)
+        at, t, out_next, rows = propagator.advance(
+            increments, at, t, t_end, nav, s, x, P, F, acc, out_next, pool[len(runs)], last
+        )
         runs.append(rows)
         if rows < capacity or capacity == 0:
             break
