@@ -326,11 +326,7 @@ def _without_outages(gnss: GnssLog | None, project: Project) -> GnssLog | None:
     keep = np.ones(gnss.time.size, dtype=bool)
     for start, end in project.gnss.outages_s:
         keep &= (gnss.time < start) | (gnss.time >= end)
-    rows = {name: None if (value := getattr(gnss, name)) is None else value[keep] for name in _GNSS_ARRAYS}
-    return replace(gnss, **rows)
-
-
-_GNSS_ARRAYS = ("time", "lat", "lon", "height", "sd_position", "velocity_n", "sd_velocity", "fix", "n_satellites")
+    return gnss.take(keep)
 
 
 def _result(

@@ -66,6 +66,16 @@ def test_factor_and_bias_of_the_gyro(log):
     np.testing.assert_allclose(gravity_coherence(time, 4.0 * gyro + bias, accel, "rates", 0.25, bias), G, atol=0.01)
 
 
+def test_windows_with_a_gap_are_left_out(log):
+    time, gyro, accel = log
+    kept = (time < 40.0) | (time >= 55.0)
+    for torn in ((time[kept], gyro[kept], accel[kept], "rates"), as_increments(time[kept], gyro[kept], accel[kept])):
+        whole = gravity_coherence(*torn)
+        assert 0 < whole.size < gravity_coherence(*log, "rates").size
+        np.testing.assert_allclose(whole, G, atol=0.02)
+        assert check(*torn) == []
+
+
 @pytest.mark.parametrize("log_is", ["short", "slow"])
 def test_no_windows(log, log_is):
     take = slice(0, 900) if log_is == "short" else slice(0, None, 20)

@@ -1,4 +1,4 @@
-"""Transition and covariance as the propagator makes them, against differences of the mechanization and against Van Loan."""
+"""Transition and covariance of the propagator against differences of the mechanization and against Van Loan."""
 
 from __future__ import annotations
 
@@ -146,9 +146,7 @@ def test_covariance_follows_the_linear_error_equations(name, start, ecef):
     stochastic = np.column_stack([VARIANCE, WALK, RATES])
     increments = perfect_increments(motion, 100.0, 10.0, 14.0)
     for period, bound in ((0.0, 2e-4), (0.1, 5e-4)):
-        P = propagate(
-            increments, nav_at(motion, 10.0, ecef), np.zeros(N - 9), ecef, period, P0, NOISE, stochastic
-        )[1]
+        P = propagate(increments, nav_at(motion, 10.0, ecef), np.zeros(N - 9), ecef, period, P0, NOISE, stochastic)[1]
         assert in_sigmas(P, reference) < bound
 
 

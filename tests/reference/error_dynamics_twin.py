@@ -7,6 +7,7 @@ block three biases, three scale factors or six cross-coupling terms, written fro
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -99,7 +100,7 @@ def propagate_covariance(
     density[3:6], density[6:9] = noise[1], noise[0]
     density[9:] = np.where(rates > 0.0, 2.0 * variance * rates, walk)
     total = np.eye(n)
-    for t0, t1 in zip(time[:-1], time[1:], strict=True):
+    for t0, t1 in pairwise(time):
         A = system_matrix(names, *motion(0.5 * (t0 + t1)), rates)
         Phi, Q = van_loan(A, np.diag(density), t1 - t0)
         P = Phi @ P @ Phi.T + Q

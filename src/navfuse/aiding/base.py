@@ -61,6 +61,10 @@ class AidingSensor:
         """Whether measurement k is kept from the filter (it is still predicted and recorded)."""
         return False
 
+    def log_row(self, k: int) -> int:
+        """Row of measurement k in the log it came from, for records."""
+        return k
+
     def jacobian(self, nav: NavState, k: int) -> Array:
         """Derivative of the measurement with respect to the errors, (d, n); by default central differences through
         ``boxplus``.

@@ -124,18 +124,22 @@ def linearize_velocity(nav, ecef, l_b, w_ib_b, gyro_bias, gyro_scale, measured, 
 
 class _GnssSensor(AidingSensor):
     def __init__(self, log: GnssLog, lever_arm_b: Array, outages: OutageWindows, gate: float | None):
-        self.log = log
         self.lever_arm_b = np.asarray(lever_arm_b, dtype=float)
         self.outages = outages
         self.gate = gate
+        self._take(log)
+
+    def _take(self, log: GnssLog) -> None:
+        self.log = log
         self.times = log.time
-        self._withheld = np.zeros(log.time.size, dtype=bool)
-        for start, end in outages:
-            self._withheld |= (log.time >= start) & (log.time < end)
+
+    def extend(self, block: GnssLog) -> None:
+        """Take in later fixes, as they arrive in a live run; feed them before the increments that pass their time."""
+        self._take(self.log.joined(block))
 
     def withheld(self, k: int) -> bool:
         """True inside an outage window [from, to)."""
-        return bool(self._withheld[k])
+        return any(start <= self.times[k] < end for start, end in self.outages)
 
 
 class GnssPosition(_GnssSensor):
@@ -205,13 +209,19 @@ class GnssVelocity(_GnssSensor):
         self, log: GnssLog, lever_arm_b=(0.0, 0.0, 0.0), outages: OutageWindows = (), gate: float | None = None
     ):
         super().__init__(log, lever_arm_b, outages, gate)
+
+    def _take(self, log: GnssLog) -> None:
         if log.velocity_n is None or log.sd_velocity is None:
             raise InputError(f"{log.source}: has no velocities; use position only")
+        self.log = log
         self.rows = np.flatnonzero(np.all(np.isfinite(log.velocity_n), axis=1))
         self.times = log.time[self.rows]
-        self._withheld = self._withheld[self.rows]
         self.velocity_n = log.velocity_n[self.rows]
         self.sd_velocity = log.sd_velocity[self.rows]
+
+    def log_row(self, k: int) -> int:
+        """Row in the log: fixes without a velocity are not counted in k."""
+        return int(self.rows[k])
 
     def value(self, k: int) -> Array:
         """Measured velocity [m/s], north, east, down."""

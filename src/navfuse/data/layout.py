@@ -53,7 +53,6 @@ class Layout:
 
     Notes
     -----
-    -----
     The errors are true minus estimate. Position error [m], velocity error [m/s] and attitude error [rad] are
     those of the Earth-fixed position, velocity and attitude, resolved in the navigation frame of the *estimate* (n or
     e).

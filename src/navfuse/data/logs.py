@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -71,3 +71,17 @@ class GnssLog:
     n_satellites: Array | None = None
     source: str = "gnss"
     notes: tuple[str, ...] = ()
+
+    def take(self, index: Array | slice) -> GnssLog:
+        """Rows picked by a mask, an index array or a slice."""
+        rows = {name: None if (values := getattr(self, name)) is None else values[index] for name in _GNSS_ROWS}
+        return replace(self, **rows)
+
+    def joined(self, later: GnssLog) -> GnssLog:
+        """The log with a later block of the same receiver behind it; what one of them lacks is left out."""
+        pairs = {name: (getattr(self, name), getattr(later, name)) for name in _GNSS_ROWS}
+        rows = {name: None if a is None or b is None else np.concatenate([a, b]) for name, (a, b) in pairs.items()}
+        return replace(self, **rows)
+
+
+_GNSS_ROWS = ("time", "lat", "lon", "height", "sd_position", "velocity_n", "sd_velocity", "fix", "n_satellites")

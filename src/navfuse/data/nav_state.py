@@ -38,7 +38,6 @@ def boxplus_navigation(nav, d, ecef):
 
     Notes
     -----
-    -----
     In NED the corrected position has a north-east-down frame of its own; velocity and attitude are turned into
     it, so that the function is exact for corrections of any size. No checks are made.
     """
@@ -228,7 +227,6 @@ def describe_rows(nav, d, P, ecef, out):
         deviations of position north, east, down [m], velocity [m/s], roll, pitch, heading [rad].
 
     Notes
-    -----
     -----
     The small rotation psi resolved in n changes pitch by -sin(heading) psi_N + cos(heading) psi_E, roll by
     (cos(heading) psi_N + sin(heading) psi_E) / cos(pitch) and heading by psi_D + sin(pitch) times the change of roll.

@@ -29,6 +29,7 @@ OUTPUT_ROWS = 64
 RESET_ATTITUDE_SD = np.radians(10.0)
 LINEAR_ATTITUDE = np.radians(1.0)
 LINEAR_POSITION = 5000.0
+POLAR_LATITUDE = np.radians(89.95)
 SCATTER_GAIN = 0.02
 SCATTER_LIMIT = 10.0
 
@@ -100,7 +101,6 @@ class ErrorStateFilter:
 
     Notes
     -----
-    -----
     Errors are true minus estimate. In a closed loop every correction goes through
     :func:`navfuse.data.nav_state.boxplus_navigation`; in an open loop it is kept in ``x`` and carried by the same
     transition (Groves 2013, section 14.1.1).
@@ -148,6 +148,7 @@ class ErrorStateFilter:
         self._last = np.zeros(6)
         self._rejections = [[0, 0.0] for _ in self.sensors]
         self._linear = True
+        self._emitted = -np.inf
         self._scatter = [1.0] * len(self.sensors)
         self._pointers = [int(np.searchsorted(sensor.times, self.time - TIME_TOLERANCE)) for sensor in self.sensors]
         self._index = 0
@@ -252,6 +253,7 @@ class ErrorStateFilter:
     def _emit(self) -> None:
         period = self.settings.output_period
         time = self._out_next * period if period > 0 else self.time
+        self._emitted = self.time
         self._put(np.array([time]), self.nav[None], self.x[None], self.P[None, :9])
         self._out_next += 1
 
@@ -260,13 +262,18 @@ class ErrorStateFilter:
             raise FilterError(
                 f"the navigation state is no longer finite at {self.time:.3f} s; look at the inertial data before it"
             )
+        if not self.settings.ecef and abs(self.nav[0]) > POLAR_LATITUDE:
+            raise FilterError(
+                f"latitude {np.degrees(self.nav[0]):.4f} deg at {self.time:.3f} s: north and east have no meaning so "
+                'near a pole; set [filter] frame = "ecef"'
+            )
         period = self.settings.output_period
         due = (
             abs(self._out_next * period - self.time) <= TIME_TOLERANCE
             if period > 0
             else period == 0 and self.time == increments.time[at]
         )
-        if due:
+        if due and self.time > self._emitted:
             self._emit()
         self._keep_checkpoint(updates, at)
         self.record.state_time.append(self.time)
@@ -290,7 +297,9 @@ class ErrorStateFilter:
         sensor = self.sensors[which]
         self._pointers[which] = k + 1
         if time < self.time - TIME_TOLERANCE:
-            self.record.innovations.append(Innovation(time, sensor.name, k, LATE, np.nan, np.empty(0), np.empty(0)))
+            self.record.innovations.append(
+                Innovation(time, sensor.name, sensor.log_row(k), LATE, np.nan, np.empty(0), np.empty(0))
+            )
             return
         z, H, R = sensor.linearize(self.nav_state(), k)
         d = z.size
@@ -320,7 +329,7 @@ class ErrorStateFilter:
             self._correct(dx)
             updates.append(Update(H, K, Sinv, z, dx[6:9].copy()))
         sd = np.sqrt(np.diagonal(S))
-        self.record.innovations.append(Innovation(time, sensor.name, k, status, nis, z, sd))
+        self.record.innovations.append(Innovation(time, sensor.name, sensor.log_row(k), status, nis, z, sd))
 
     def _watch(self, which: int, ratio: float) -> None:
         """Follow how large the normalised innovations of a sensor really are, so that its gate fits sigmas that are
@@ -408,6 +417,8 @@ class ErrorStateFilter:
             "last": self._last.copy(),
             "index": self._index,
             "out_next": self._out_next,
+            "emitted": self._emitted,
+            "linear": self._linear,
             "pointers": np.array(self._pointers, dtype=np.int64),
             "scatter": np.array(self._scatter),
             "rejections": np.array(self._rejections, dtype=float).reshape(-1, 2),
@@ -433,6 +444,8 @@ class ErrorStateFilter:
         self._last = np.array(state["last"], dtype=float)
         self._index = int(state["index"])
         self._out_next = int(state["out_next"])
+        self._emitted = float(state["emitted"])
+        self._linear = bool(state["linear"])
         self._pointers = [int(k) for k in state["pointers"]]
         self._scatter = [float(v) for v in state["scatter"]]
         self._rejections = [[int(c), float(t)] for c, t in state["rejections"]]

@@ -26,6 +26,7 @@ _SUSPECT = 0.5
 _ODD = 3.0
 _WINDOW = 30.0
 _STEP = 0.1
+_GAP = 0.5
 _MAX_WINDOWS = 20
 
 
@@ -57,10 +58,11 @@ def check_imu_units(
     InputError
         If the values contradict the unit or the kind.
     """
-    step = float(np.median(np.diff(time)))
-    notes = _check_step(step, columns[0], source)
     sample = slice(1, None, max(1, (time.size - 1) // 20000))
-    interval = np.diff(time)[sample.start - 1 :: sample.step][:, None] if kind == "increments" else 1.0
+    steps = np.diff(time)[:: sample.step]
+    step = float(np.median(steps))
+    notes = _check_step(step, columns[0], source)
+    interval = steps[:, None] if kind == "increments" else 1.0
     force = float(np.median(np.linalg.norm(accel[sample], axis=1)))
     force_rate = float(np.median(np.linalg.norm(accel[sample] / interval, axis=1)))
     turn = np.linalg.norm(gyro[sample] / interval, axis=1)
@@ -86,8 +88,8 @@ def gravity_coherence(
     Returns
     -------
     (w,) array [m/s^2]
-        One value per window, about 9.8 each if the units are right; empty if the log is shorter than 10 s or slower
-        than 10 Hz.
+        One value per window without a gap, about 9.8 each if the units are right; empty if the log is shorter than
+        10 s or slower than 10 Hz.
     """
     span = time[-1] - time[0]
     if span < 10.0 or (time.size - 1) / span < 1.0 / _STEP:
@@ -95,21 +97,28 @@ def gravity_coherence(
     length = min(_WINDOW, span)
     count = min(_MAX_WINDOWS, int(span // length))
     steps = int(round(length / _STEP))
-    rotations = np.empty((count, steps, 3))
-    velocities = np.empty((count, steps, 3))
-    for window, start in enumerate(np.linspace(time[0], time[-1] - length, count)):
+    starts = [start for start in np.linspace(time[0], time[-1] - length, count) if _whole(time, start, start + length)]
+    rotations = np.empty((len(starts), steps, 3))
+    velocities = np.empty((len(starts), steps, 3))
+    for window, start in enumerate(starts):
         edges = np.searchsorted(time, start + np.linspace(0.0, length, steps + 1)).clip(0, time.size - 1)
         rows = slice(edges[0] + 1, edges[-1] + 1)
         weight = 1.0 if kind == "increments" else np.diff(time[edges[0] : edges[-1] + 1])[:, None]
         rotations[window] = (_sums(gyro[rows] * weight, edges) - bias * length / steps) * factor
         velocities[window] = _sums(accel[rows] * weight, edges)
     turns = _rotation_matrices(rotations)
-    attitude = np.broadcast_to(np.eye(3), (count, 3, 3))
-    total = np.zeros((count, 3))
+    attitude = np.broadcast_to(np.eye(3), (len(starts), 3, 3))
+    total = np.zeros((len(starts), 3))
     for k in range(steps):
         total += (attitude @ velocities[:, k, :, None])[..., 0]
         attitude = attitude @ turns[:, k]
     return np.linalg.norm(total, axis=1) / length
+
+
+def _whole(time: Array, start: float, end: float) -> bool:
+    """Whether no gap interrupts the rows from `start` to `end`."""
+    first, last = np.searchsorted(time, [start, end])
+    return bool(np.diff(time[first : last + 1]).max(initial=0.0) <= _GAP)
 
 
 def _gravity_deviation(time: Array, gyro: Array, accel: Array, kind: str, factor: float) -> float:

@@ -91,13 +91,10 @@ def read_imu(
     notes = [*table.notes, *match.note_unknown()]
 
     time = scaled(values[match.column["time"]], match.factor["time"])
-    data = np.empty((time.size, 6))
-    for k, field in enumerate(wanted):
-        data[:, k] = scaled(values[match.column[field.base]], match.factor[field.base])
-    time, data = _repair(time, data, kind, match, table.where, notes)
+    gyro, accel = (_triad(values, match, group, matrix) for group in (wanted[:3], wanted[3:]))
+    time, gyro, accel = _repair(time, gyro, accel, kind, match, table.where, notes)
     if time.size < 2:
         raise InputError(f"{table.source}: the log has {time.size} usable row; at least two are needed")
-    gyro, accel = _turn(data, matrix)
     notes += check_imu_units(
         time, gyro, accel, kind, [match.column[field.base] for field in (TIME, *wanted)], table.source
     )
@@ -191,10 +188,24 @@ def _speaks_of_increments(match: Match) -> bool:
     return any(name.lower().startswith(("dtheta", "dvel", "dv_", "delta")) for name in match.unknown)
 
 
-def _repair(time: Array, data: Array, kind: str, match: Match, where: Where, notes: list[str]) -> tuple[Array, Array]:
-    """Mend NaN rows and the order of time; appends to `notes`."""
+def _triad(values: dict[str, Array], match: Match, group: Sequence[Field], matrix: Array) -> Array:
+    """Three columns in SI units and body axes."""
+    triad = np.empty((values[match.column["time"]].size, 3))
+    turned = np.count_nonzero(matrix) > 3
+    with np.errstate(over="ignore", invalid="ignore"):
+        for axis, field in enumerate(group):
+            row = axis if turned else int(np.flatnonzero(matrix[:, axis])[0])
+            factor = match.factor[field.base] * (1.0 if turned else matrix[row, axis])
+            np.multiply(values[match.column[field.base]], factor, out=triad[:, row], dtype=np.float64)
+        return triad @ matrix.T if turned else triad
+
+
+def _repair(
+    time: Array, gyro: Array, accel: Array, kind: str, match: Match, where: Where, notes: list[str]
+) -> tuple[Array, Array, Array]:
+    """Mend rows of values that no sensor gives, and the order of time; appends to `notes`."""
     rows = np.arange(time.size)
-    gaps = _bad_rows(time, data, match.source, where)
+    gaps = _bad_rows(time, gyro, accel, match.source, where)
     if gaps is not None:
         done = "left out" if kind == "rates" else "interpolated"
         notes.append(
@@ -202,8 +213,14 @@ def _repair(time: Array, data: Array, kind: str, match: Match, where: Where, not
             f" is {where(int(np.argmax(gaps)))}"
         )
         rows = np.flatnonzero(~gaps) if kind == "rates" else _rows_between_stamps(time)
-        time, data = (time if kind == "rates" else _interpolate_stamps(time))[rows], data[rows]
-    order = time_order(time, match.column["time"], match.source, lambda row: where(int(rows[row])))
+    stamps = time if gaps is None else _interpolate_stamps(time)[rows]
+    order = time_order(stamps, match.column["time"], match.source, lambda row: where(int(rows[row])))
+    if gaps is None and order is None:
+        return time, gyro, accel
+    data = np.hstack((gyro, accel))
+    if gaps is not None:
+        data[gaps] = np.where(np.abs(data[gaps]) < _ABSURD, data[gaps], np.nan)
+        time, data = stamps, data[rows]
     if order is not None:
         time, data = time[order.order], data[order.order]
         if kind == "rates":
@@ -216,17 +233,18 @@ def _repair(time: Array, data: Array, kind: str, match: Match, where: Where, not
         notes.append(f"{order.note}: {remedy}")
     if gaps is not None and kind == "increments":
         _interpolate_increments(time, data)
-    return time, data
+    return time, np.ascontiguousarray(data[:, :3]), np.ascontiguousarray(data[:, 3:])
 
 
-def _bad_rows(time: Array, data: Array, source: str, where: Where) -> Array | None:
+def _bad_rows(time: Array, gyro: Array, accel: Array, source: str, where: Where) -> Array | None:
     """Rows with values that no sensor gives, None if there are none; refuses too many."""
-    if np.isfinite(time).all() and data.min() > -_ABSURD and data.max() < _ABSURD:
+    if np.isfinite(time).all() and all(x.min() > -_ABSURD and x.max() < _ABSURD for x in (gyro, accel)):
         return None
-    bad = ~(np.isfinite(time) & np.all(np.abs(data) < _ABSURD, axis=1))
-    data[bad] = np.where(np.abs(data[bad]) < _ABSURD, data[bad], np.nan)
-    check_isolated(bad, source, where, f"NaN, infinite or absurd values (beyond {_ABSURD:g})")
-    return bad
+    fine = np.isfinite(time)
+    for triad in (gyro, accel):
+        fine &= np.all(np.abs(triad) < _ABSURD, axis=1)
+    check_isolated(~fine, source, where, f"NaN, infinite or absurd values (beyond {_ABSURD:g})")
+    return ~fine
 
 
 def _rows_between_stamps(time: Array) -> Array:
@@ -251,17 +269,3 @@ def _add_up(data: Array, first: Array) -> Array:
     """Sum the rows of each stamp, a row that equals the one before it counted once."""
     repeated = ~first & np.concatenate(([False], (data[1:] == data[:-1]).all(axis=1)))
     return np.add.reduceat(np.where(repeated[:, None], 0.0, data), np.flatnonzero(first), axis=0)
-
-
-def _turn(data: Array, matrix: Array) -> tuple[Array, Array]:
-    """Gyro and accelerometer triads of `data` in body axes, each contiguous."""
-    gyro, accel = np.empty((data.shape[0], 3)), np.empty((data.shape[0], 3))
-    if np.count_nonzero(matrix) == 3:
-        for row in range(3):
-            column = int(np.flatnonzero(matrix[row])[0])
-            np.multiply(data[:, column], matrix[row, column], out=gyro[:, row])
-            np.multiply(data[:, 3 + column], matrix[row, column], out=accel[:, row])
-    else:
-        np.matmul(data[:, :3], matrix.T, out=gyro)
-        np.matmul(data[:, 3:], matrix.T, out=accel)
-    return gyro, accel

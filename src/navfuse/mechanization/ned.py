@@ -50,7 +50,6 @@ def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
 
     Notes
     -----
-    -----
     Second order in `dt`. Gravity, Earth rate and transport rate are evaluated once, at the predicted middle of
     the interval; the position takes the mean of the velocities (Groves 2013, section 5.3-5.4, with the midpoint in
     place of his start values). Not valid within a few metres of a pole, where longitude is undefined: use the ECEF
