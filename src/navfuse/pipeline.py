@@ -21,6 +21,7 @@ import numpy as np
 
 from navfuse.aiding.base import AidingSensor
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
+from navfuse.analysis.plausibility import run_warnings
 from navfuse.analysis.summary import summarize_run
 from navfuse.config import Project, load_project
 from navfuse.data.logs import GnssLog, ImuLog
@@ -32,7 +33,7 @@ from navfuse.filters.ekf import ErrorStateFilter, FilterSettings
 from navfuse.filters.record import collect
 from navfuse.imu.alignment import Alignment, align
 from navfuse.imu.error_model import ImuErrorModel
-from navfuse.imu.increments import ImuIncrements, to_increments
+from navfuse.imu.increments import MISSING_STEPS, ImuIncrements, to_increments
 from navfuse.io.gnss_table import read_gnss
 from navfuse.io.imu_table import read_imu
 from navfuse.smoothers.rts import SmoothedRun, smooth
@@ -40,10 +41,6 @@ from navfuse.smoothers.rts import SmoothedRun, smooth
 Array = np.ndarray
 Progress = Callable[[str, float], None]
 
-RESTART_GAP_S = 2.0
-"""After an inertial gap longer than this the navigation starts anew, because no covariance says how the vehicle
-turned meanwhile.
-"""
 BLOCK_SAMPLES = 50_000
 
 
@@ -85,7 +82,7 @@ def process(
         with clock("read"):
             imu, gnss = read_logs(project)
         with clock("increments"):
-            increments = cut(to_increments(imu, gap_limit(imu, project)), project.filter.until_s)
+            increments = cut(to_increments(imu, gap_limit(imu.time)), project.filter.until_s)
         model = project.imu_error_model()
         runs = []
         for k, piece in enumerate(_pieces(increments, project)):
@@ -97,7 +94,22 @@ def process(
         for run in runs:
             for note in (*run.alignment.notes, *run.filter.record.notes):
                 _warn(note)
-    return _result(project, imu, gnss, model, runs, clock, tuple(notes))
+        _warn_of_gaps([gap for run in runs for gap in run.filter.record.gaps])
+        result = _result(project, gnss, runs)
+        for note in run_warnings(result, project.gnss.outages_s):
+            _warn(note)
+    result = replace(result, warnings=tuple(notes))
+    summary = summarize_run(
+        result,
+        settings=project.settings(),
+        imu=imu,
+        gnss=gnss,
+        model=model,
+        alignments=[run.alignment for run in runs],
+        seconds=clock.seconds,
+        exclude=project.gnss.outages_s,
+    )
+    return replace(result, summary=summary)
 
 
 def run_project(
@@ -164,15 +176,9 @@ def read_logs(project: Project) -> tuple[ImuLog, GnssLog | None]:
     return imu, replace(gnss, sd_position=sd_position, sd_velocity=sd_velocity)
 
 
-def gap_limit(imu: ImuLog, project: Project) -> float:
-    """Longest step between inertial samples that is no gap [s]: ``max_gap_s``, or three usual steps of a slow
-    sensor.
-    """
-    return (
-        max(project.imu.max_gap_s, 3.0 * float(np.median(np.diff(imu.time))))
-        if imu.time.size > 1
-        else project.imu.max_gap_s
-    )
+def gap_limit(time: Array) -> float:
+    """Step between inertial stamps from which samples are missing [s]: one and a half usual ones."""
+    return MISSING_STEPS * float(np.median(np.diff(time))) if time.size > 1 else np.inf
 
 
 def cut(increments: ImuIncrements, until_s: float | None) -> ImuIncrements:
@@ -252,15 +258,14 @@ class _Run:
 def _pieces(increments: ImuIncrements, project: Project) -> list[ImuIncrements]:
     """Stretches between gaps after which the navigation has to start anew."""
     step = np.diff(increments.time)
-    limit = max(RESTART_GAP_S, 5.0 * float(np.median(step)))
-    if project.imu.on_gap == "stop":
-        longest = int(np.argmax(step))
-        if step[longest] > max(project.imu.max_gap_s, 3.0 * float(np.median(step))):
-            raise FilterError(
-                f"no inertial data for {step[longest]:.3f} s after {increments.time[longest]:.3f} s, and imu.on_gap "
-                '= "stop"; '
-                'set imu.on_gap = "continue" or a larger imu.max_gap_s'
-            )
+    usual = float(np.median(step))
+    limit = max(project.imu.max_gap_s, 5.0 * usual)
+    longest = int(np.argmax(step))
+    if project.imu.on_gap == "stop" and step[longest] > limit:
+        raise FilterError(
+            f"no inertial data for {step[longest]:.3f} s after {increments.time[longest]:.3f} s, and imu.on_gap = "
+            '"stop"; set imu.on_gap = "continue" or a larger imu.max_gap_s'
+        )
     breaks = np.flatnonzero(step > limit)
     pieces, begin = [], 0
     for gap in [*breaks.tolist(), len(increments)]:
@@ -303,7 +308,7 @@ def _run_piece(
         return None
     begin = int(np.searchsorted(increments.time, alignment.start.time - 1e-6))
     increments = increments.piece(begin)
-    gap_s = max(project.imu.max_gap_s, 3.0 * float(np.median(increments.dt)))
+    gap_s = gap_limit(increments.time)
     with clock("filter"):
         estimator = ErrorStateFilter(
             alignment.start, model, [*gnss_sensors(project, gnss), *sensors], filter_settings(project, gap_s)
@@ -329,34 +334,23 @@ def _without_outages(gnss: GnssLog | None, project: Project) -> GnssLog | None:
     return gnss.take(keep)
 
 
-def _result(
-    project: Project,
-    imu: ImuLog,
-    gnss: GnssLog | None,
-    model: ImuErrorModel,
-    runs: list[_Run],
-    clock: _Clock,
-    notes: tuple[str, ...],
-) -> Result:
-    records = [run.filter.record for run in runs]
-    forward, innovations, states = collect(records)
+def _result(project: Project, gnss: GnssLog | None, runs: list[_Run]) -> Result:
+    forward, innovations, states = collect([run.filter.record for run in runs])
     smoothed = None
     if project.smoother.method == "rts":
         smoothed = _joined([run.smoothed.trajectory for run in runs if run.smoothed is not None], "smoothed")
-    result = Result(
-        forward=forward, smoothed=smoothed, innovations=innovations, states=states, warnings=notes, fixes=gnss
-    )
-    summary = summarize_run(
-        result,
-        settings=project.settings(),
-        imu=imu,
-        gnss=gnss,
-        model=model,
-        alignments=[run.alignment for run in runs],
-        seconds=clock.seconds,
-        exclude=project.gnss.outages_s,
-    )
-    return replace(result, summary=summary)
+    return Result(forward=forward, smoothed=smoothed, innovations=innovations, states=states, fixes=gnss)
+
+
+def _warn_of_gaps(gaps: list[tuple[float, float]]) -> None:
+    if gaps:
+        start, longest = max(gaps, key=lambda gap: gap[1])
+        _warn(
+            f"inertial samples are missing in {len(gaps)} place{'s' * (len(gaps) > 1)}, "
+            f"{sum(length for _, length in gaps):.3f} s in all, the longest {longest:.3f} s after {start:.3f} s: "
+            "bridged with "
+            "enlarged covariance"
+        )
 
 
 def _joined(trajectories: list[Trajectory], source: str) -> Trajectory:

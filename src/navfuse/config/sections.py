@@ -153,16 +153,16 @@ class ImuConfig(Section):
         example=1.0,
     )
     max_gap_s: Number = key(
-        0.2,
+        2.0,
         "s",
-        "Longest step between two IMU samples that is integrated as usual; at least three usual steps.",
+        "Longest hole in the IMU data that is bridged, with a covariance enlarged by what the vehicle may have done; "
+        "at least five usual steps.",
         above=0.0,
     )
     on_gap: Literal["continue", "stop"] = key(
         "continue",
         "",
-        "At a longer step: 'continue' goes on with a larger covariance up to 2 s, starts anew behind a longer one, and "
-        "says so; 'stop' ends with an error.",
+        "At a longer hole: 'continue' starts the navigation anew behind it, with a warning; 'stop' ends with an error.",
     )
 
     _resolve = field_validator("file")(_in_folder)

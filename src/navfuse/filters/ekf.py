@@ -27,6 +27,7 @@ Array = np.ndarray
 
 OUTPUT_ROWS = 64
 RESET_ATTITUDE_SD = np.radians(10.0)
+GAP_FULL_S = 0.5
 LINEAR_ATTITUDE = np.radians(1.0)
 LINEAR_POSITION = 5000.0
 POLAR_LATITUDE = np.radians(89.95)
@@ -54,8 +55,9 @@ class FilterSettings:
         After this many rejections of one sensor in a row over at least this time the covariance is enlarged until the
         next one passes.
     gap_s : float [s]
-        An increment longer than this is a gap: motion inside is unknown by `gap_gyro_sd` [rad/s] and `gap_accel_sd`
-        [m/s^2].
+        An increment longer than this is a gap, in which samples are missing. Over 0.5 s and more the motion inside is
+        unknown by `gap_gyro_sd` [rad/s] and `gap_accel_sd` [m/s^2], over less by as much less: it had no time to
+        change.
     checkpoints : bool
         Keep what a smoother needs.
     """
@@ -375,9 +377,7 @@ class ErrorStateFilter:
         reset_attitude(self.P, dx[6:9])
 
     def _watch_linear_range(self) -> None:
-        """Say once when the errors of an uncorrected inertial solution have grown out of the range where they are "
-        "linear.
-        """
+        """Say once when the errors of an uncorrected inertial solution are no longer small enough to be linear."""
         turned = float(np.max(np.abs(self.x[6:9])))
         away = float(np.max(np.abs(self.x[:3])))
         if self._linear and (turned > LINEAR_ATTITUDE or away > LINEAR_POSITION):
@@ -390,18 +390,16 @@ class ErrorStateFilter:
 
     def _inflate(self, increments: ImuIncrements, at: int) -> None:
         gap = float(increments.time[at] - increments.time[at - 1])
-        q_angle = (self.settings.gap_gyro_sd * gap) ** 2
-        q_speed = (self.settings.gap_accel_sd * gap) ** 2
+        share = min(1.0, gap / GAP_FULL_S)
+        q_angle = (self.settings.gap_gyro_sd * share * gap) ** 2
+        q_speed = (self.settings.gap_accel_sd * share * gap) ** 2
         for i in range(3):
             self.P[6 + i, 6 + i] += q_angle
             self.P[3 + i, 3 + i] += q_speed
             self.P[i, i] += 0.25 * gap**2 * q_speed
             self.P[i, 3 + i] += 0.5 * gap * q_speed
             self.P[3 + i, i] += 0.5 * gap * q_speed
-        self.record.notes.append(
-            f"no inertial data from {increments.time[at - 1]:.3f} s to {increments.time[at]:.3f} s ({gap:.3f} s): "
-            "bridged with enlarged covariance"
-        )
+        self.record.gaps.append((float(increments.time[at - 1]), gap))
 
     def state(self) -> dict[str, Any]:
         """Everything that a filter of the same start, model, sensors and settings needs to go on from here, as plain

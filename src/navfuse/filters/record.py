@@ -70,6 +70,8 @@ class FilterRecord:
     checkpoints : list of Checkpoint
     state_time, state_value, state_sd : lists
         Estimates of the states after the ninth, and their standard deviations, after every event.
+    gaps : list of (start, length) [s]
+        Stretches without inertial data that were bridged.
     notes : list of str
         What a user should know about the run.
     """
@@ -82,6 +84,7 @@ class FilterRecord:
     state_time: list[float] = field(default_factory=list)
     state_value: list[Array] = field(default_factory=list)
     state_sd: list[Array] = field(default_factory=list)
+    gaps: list[tuple[float, float]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     def trajectory(self, source: str = "forward") -> Trajectory:

@@ -26,6 +26,7 @@ sensor with T^2, because the trapezoid shortens each increment: there the terms 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 _STATE_SIZE = 8
+MISSING_STEPS = 1.5
+"""An interval of more usual ones than this may hide rows that are missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,13 +91,31 @@ def _from_rates(time, gyro, accel, gap_s, inc_theta, inc_v):
             inc_v[k - 1, i] = half * (accel[k - 1, i] + accel[k, i]) + scale * (sculling_w[i] + sculling_f[i])
 
 
+@njit(cache=True)
+def _covers_usual_step(dv, k, dt, usual):
+    """Whether the velocity increment of row k, |f| continuing, speaks for one usual step rather than for all of
+    `dt`.
+    """
+    before = sqrt(dv[k - 1, 0] ** 2 + dv[k - 1, 1] ** 2 + dv[k - 1, 2] ** 2) / usual
+    size = sqrt(dv[k, 0] ** 2 + dv[k, 1] ** 2 + dv[k, 2] ** 2)
+    return abs(size / usual - before) < abs(size / dt - before)
+
+
 @njit(cache=True, error_model="numpy")
 def _from_increments(time, dtheta, dv, gap_s, previous_dt, inc_theta, inc_v):
     for k in range(1, time.size):
         dt = time[k] - time[k - 1]
+        lost = 0.0
+        if previous_dt > 0.0 and dt > MISSING_STEPS * previous_dt and _covers_usual_step(dv, k, dt, previous_dt):
+            lost = 0.5 * (dt / previous_dt - 1.0)
         for i in range(3):
             inc_theta[k - 1, i] = dtheta[k, i]
             inc_v[k - 1, i] = dv[k, i]
+            if lost > 0.0:
+                inc_theta[k - 1, i] += lost * (dtheta[k - 1, i] + dtheta[k, i])
+                inc_v[k - 1, i] += lost * (dv[k - 1, i] + dv[k, i])
+        if lost > 0.0:
+            continue
         if 0.0 < previous_dt <= gap_s and dt <= gap_s:
             scale = dt * dt / (6.0 * previous_dt * (previous_dt + dt))
             coning = cross(dtheta[k - 1], dtheta[k])
@@ -103,8 +124,7 @@ def _from_increments(time, dtheta, dv, gap_s, previous_dt, inc_theta, inc_v):
             for i in range(3):
                 inc_theta[k - 1, i] += scale * coning[i]
                 inc_v[k - 1, i] += scale * (sculling_w[i] + sculling_f[i])
-        if dt <= gap_s or previous_dt <= 0.0:
-            previous_dt = dt
+        previous_dt = dt
     return previous_dt
 
 
@@ -123,9 +143,15 @@ class IncrementsBuilder:
         value, an increment there covers an unknown interval and is not used at all.
     gap_s : float [s]
         Over an interval longer than this, and for an increment sensor also in the interval after it, coning and
-        sculling are left out: the linear model says nothing across a gap. A rate sensor is still integrated by the
-        trapezoid; the increments of the row behind a gap, which cover its last interval only, are stretched to the
-        whole gap as if the motion had stayed the same. What to do with a long interval is for the filter to decide.
+        sculling are left out: the linear model says nothing across a gap. What to do with a long interval is for the
+        filter to decide.
+
+    Notes
+    -----
+    Where rows of an increment log are missing, the row behind the hole covers its last step only. That is seen from
+    the velocity increment, whose size over time is about that of gravity, and the motion in the hole is then taken as
+    the mean of the rows around it. A row that does cover the whole of a longer interval is left as it is. Rates are
+    interpolated by the trapezoid either way.
     """
 
     def __init__(self, kind: Literal["rates", "increments"], gap_s: float = np.inf) -> None:

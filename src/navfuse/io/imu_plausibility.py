@@ -118,7 +118,7 @@ def gravity_coherence(
 def _whole(time: Array, start: float, end: float) -> bool:
     """Whether no gap interrupts the rows from `start` to `end`."""
     first, last = np.searchsorted(time, [start, end])
-    return bool(np.diff(time[first : last + 1]).max(initial=0.0) <= _GAP)
+    return bool(np.diff(time[max(first - 1, 0) : last + 1]).max(initial=0.0) <= _GAP)
 
 
 def _gravity_deviation(time: Array, gyro: Array, accel: Array, kind: str, factor: float) -> float:
