@@ -5,9 +5,11 @@ import pyarrow.parquet
 import pytest
 
 from navfuse.errors import InputError, NavfuseWarning
+from navfuse.imu.grades import grade
 from navfuse.io.imu_plausibility import check_imu_units, gravity_coherence
 from navfuse.io.imu_table import read_imu
 from navfuse.io.tables import write_table
+from navfuse.simulation import car_drive, simulate
 
 RATE_COLUMNS = ["time_s", *(f"gyro_{axis}_radps" for axis in "xyz"), *(f"accel_{axis}_mps2" for axis in "xyz")]
 INCREMENT_COLUMNS = ["time_s", *(f"dtheta_{axis}_rad" for axis in "xyz"), *(f"dvel_{axis}_mps" for axis in "xyz")]
@@ -88,6 +90,15 @@ def test_degrees_in_a_rate_column(log):
         InputError, match=r"f\.csv: columns gyro_x_radps, .* if they are degrees: rename to gyro_x_degps"
     ):
         check(time, np.degrees(0.3 * gyro), swaying(size=0.09)[2])
+
+
+def test_degrees_of_a_car_that_turns_about_the_vertical_only():
+    """Under any such rotation the mean of gravity stays, but for the bias, which tilts it at 57 times the rate."""
+    logs = simulate(car_drive(duration=120.0, seed=4), grade("industrial-mems"), 5, imu_kind="rates")
+    imu = logs.imu
+    assert check(imu.time, imu.gyro, imu.accel) == []
+    with pytest.raises(InputError, match="if they are degrees: rename to gyro_x_degps"):
+        check(imu.time, np.degrees(imu.gyro), imu.accel)
 
 
 def test_degrees_in_an_increment_column(log):

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from navfuse.data.nav_state import boxplus_navigation, to_ned
 from navfuse.data.start import Start
+from navfuse.filters.ekf import ErrorStateFilter, FilterSettings
+from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.increments import ImuIncrements, to_increments
 from navfuse.mechanization.error_dynamics import imu_state_map
 from navfuse.mechanization.propagate import Propagator
 from navfuse.simulation import perfect_imu, sample_times
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from navfuse.aiding.base import AidingSensor
+    from navfuse.filters.record import FilterRecord
     from navfuse.simulation import Motion
 
 Array = np.ndarray
@@ -81,3 +88,52 @@ def start_at(
     wrong = start.nav.copy()
     boxplus_navigation(wrong, -np.linalg.cholesky(start.P) @ rng.standard_normal(9), False)
     return Start(start.time, wrong, start.P)
+
+
+MEMS = ImuErrorModel.from_datasheet(
+    arw_deg_per_sqrt_h=0.2,
+    vrw_mps_per_sqrt_h=0.1,
+    gyro_bias_sd_dph=30.0,
+    gyro_bias_tau_s=3600.0,
+    accel_bias_sd_mg=0.5,
+    accel_bias_tau_s=3600.0,
+    gyro_scale_sd_ppm=300.0,
+    accel_scale_sd_ppm=300.0,
+)
+"""A sensor model of 21 states for tests of the filter."""
+
+
+def run_filter(
+    start: Start,
+    model: ImuErrorModel,
+    sensors: Sequence[AidingSensor],
+    increments: ImuIncrements,
+    settings: FilterSettings | None = None,
+    cuts: Sequence[int] = (),
+) -> ErrorStateFilter:
+    """A filter after all increments, fed in blocks that end before the increments numbered `cuts`."""
+    filter_ = ErrorStateFilter(start, model, sensors, settings)
+    edges = [0, *cuts, len(increments)]
+    for first, last in pairwise(edges):
+        filter_.feed(cut(increments, first, last))
+    return filter_
+
+
+def assert_same_record(a: FilterRecord, b: FilterRecord) -> None:
+    """Two records hold the same numbers to the last bit, however they were cut into pieces."""
+    empty = [np.empty(0)], [np.empty((0, 18))]
+    for pieces, others, nothing in zip((a.time, a.rows), (b.time, b.rows), empty, strict=True):
+        assert np.array_equal(np.concatenate(nothing + pieces), np.concatenate(nothing + others))
+    assert len(a.innovations) == len(b.innovations)
+    for one, other in zip(a.innovations, b.innovations, strict=True):
+        assert (one.time, one.source, one.row, one.status) == (other.time, other.source, other.row, other.status)
+        assert np.array_equal([one.nis, *one.z, *one.sd], [other.nis, *other.z, *other.sd], equal_nan=True)
+    assert a.state_time == b.state_time
+    assert np.array_equal(a.state_value, b.state_value)
+    assert np.array_equal(a.state_sd, b.state_sd)
+    assert a.notes == b.notes
+    assert len(a.checkpoints) == len(b.checkpoints)
+    for one, other in zip(a.checkpoints, b.checkpoints, strict=True):
+        assert (one.index, one.time) == (other.index, other.time)
+        for x, y in zip(one[2:6], other[2:6], strict=True):
+            assert np.array_equal(x, y)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pytest
 
+from navfuse.analysis.metrics import compare
 from navfuse.cli.app import main
 from navfuse.config.toml_text import toml_value
 from navfuse.io.trajectory_table import read_trajectory
@@ -20,6 +21,7 @@ from navfuse.io.trajectory_table import read_trajectory
 if TYPE_CHECKING:
     import pandas as pd
 
+    from navfuse.analysis.metrics import ErrorMetrics
     from navfuse.data.trajectory import Trajectory
 
 Array = np.ndarray
@@ -83,11 +85,11 @@ class Job:
         path.write_text("\n".join(lines) + "\n")
         return path
 
-    def run(self, *options: str) -> Outcome:
+    def run(self) -> Outcome:
         """Write everything, then ``navfuse run`` in this process."""
-        return navfuse("run", self.write(), "-o", self.output, "--no-report", *options)
+        return navfuse("run", self.write(), "-o", self.output, "--no-report")
 
-    def refused(self, *words: str, options: tuple[str, ...] = ()) -> str:
+    def refused(self, *words: str) -> str:
         """Run, and check how it is refused: exit code 1, one message with these words, no trace of a result.
 
         Returns
@@ -98,7 +100,7 @@ class Job:
         self.output.mkdir(exist_ok=True)
         (self.output / "forward.parquet").write_text(EARLIER)
         before = sorted(path.relative_to(self.folder) for path in self.folder.rglob("*"))
-        code, out, err = self.run(*options)
+        code, out, err = self.run()
         assert code == 1, out + err
         lines = err.splitlines()
         errors = [k for k, line in enumerate(lines) if line.startswith("error: ")]
@@ -140,17 +142,27 @@ class Finished:
         """A trajectory as written."""
         return read_trajectory(self.job.output / f"{name}.parquet")
 
-    def counts(self, source: str = "gnss_position") -> dict[str, Any]:
-        """What became of the measurements of a source."""
+    def measurements(self, source: str = "gnss_position") -> dict[str, Any]:
+        """What the summary says of the measurements of a source."""
         return self.summary["measurements"][source]
+
+    def counts(self, source: str = "gnss_position") -> dict[str, int]:
+        """How many measurements of a source were used, rejected, ..."""
+        return self.measurements(source)["counts"]
+
+    def errors(self, name: str = "forward", **window: float) -> ErrorMetrics:
+        """Errors against the truth of the job."""
+        assert self.job.truth is not None
+        return compare(self.trajectory(name), self.job.truth, **window)
 
 
 def navfuse(*arguments: object) -> Outcome:
-    """The program in this process."""
+    """The program in this process, less what it says when its kernels are compiled first."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as ending:
         main([str(argument) for argument in arguments])
-    return Outcome(ending.value.code or 0, out.getvalue(), err.getvalue())
+    told = [line for line in err.getvalue().splitlines() if not line.startswith("compiling the numerical kernels")]
+    return Outcome(ending.value.code or 0, out.getvalue(), "".join(f"{line}\n" for line in told))
 
 
 JobMaker = Callable[..., Job]

@@ -9,6 +9,7 @@ from navfuse.aiding.base import AidingSensor
 from navfuse.core.constants import EARTH_RATE
 from navfuse.core.earth import dcm_en, ecef_to_geodetic, geodetic_to_ecef
 from navfuse.core.rotation import cross, dcm_from_quat, mat_mul, mat_t_vec, mat_vec
+from navfuse.data.layout import CROSS_PAIRS
 from navfuse.data.logs import GnssLog
 from navfuse.data.nav_state import NavState, to_ned
 from navfuse.errors import InputError
@@ -81,14 +82,14 @@ def predict_velocity(nav, ecef, l_b, w_ib_b):
 
 
 @njit(cache=True)
-def linearize_velocity(nav, ecef, l_b, w_ib_b, gyro_bias, gyro_scale, measured, z, H):
+def linearize_velocity(nav, ecef, l_b, w_ib_b, gyro_bias, gyro_scale, gyro_cross, measured, z, H):
     """Innovation (3,) and its matrix H (3, n) of an antenna velocity, resolved in n [m/s], written into `z` and `H`.
 
-    v_a = v + C_mb (w_ib_b x l_b) - w_ie x C_mb l_b, hence with dw = -db_g - diag(w) ds_g
+    v_a = v + C_mb (w_ib_b x l_b) - w_ie x C_mb l_b, hence with dw = -db_g - dM_g w
 
         dv_a = dv - [C_mb (w x l) x] psi + w_ie x [C_mb l x] psi - C_mb [l x] dw.
 
-    `gyro_bias` and `gyro_scale` are the first column of those states, or -1. `H` must be zero elsewhere. No checks
+    `gyro_bias`, `gyro_scale` and `gyro_cross` are the first column of those states, or -1. `H` must be zero elsewhere. No checks
     are made.
     """
     v, C_mb, C_nm, l, wl, ie = _antenna_velocity(nav, ecef, l_b, w_ib_b)
@@ -120,6 +121,10 @@ def linearize_velocity(nav, ecef, l_b, w_ib_b, gyro_bias, gyro_scale, measured, 
                 H[a, gyro_bias + b] = rate[3 * a + b]
             if gyro_scale >= 0:
                 H[a, gyro_scale + b] = rate[3 * a + b] * w_ib_b[b]
+        if gyro_cross >= 0:
+            for j in range(6):
+                row, column = CROSS_PAIRS[j]
+                H[a, gyro_cross + j] = rate[3 * a + row] * w_ib_b[column]
 
 
 class _GnssSensor(AidingSensor):
@@ -240,9 +245,12 @@ class GnssVelocity(_GnssSensor):
         z = np.empty(3)
         layout = nav.layout
         H = np.zeros((3, layout.size))
-        bias = layout.offset("gyro_bias") if "gyro_bias" in layout else -1
-        scale = layout.offset("gyro_scale") if "gyro_scale" in layout else -1
-        linearize_velocity(nav.array, nav.ecef, self.lever_arm_b, nav.w_ib_b, bias, scale, self.velocity_n[k], z, H)
+        bias, scale, coupling = (
+            layout.offset(name) if name in layout else -1 for name in ("gyro_bias", "gyro_scale", "gyro_cross")
+        )
+        linearize_velocity(
+            nav.array, nav.ecef, self.lever_arm_b, nav.w_ib_b, bias, scale, coupling, self.velocity_n[k], z, H
+        )
         return z, H, np.diag(self.sd_velocity[k] ** 2)
 
     def jacobian(self, nav: NavState, k: int) -> Array:

@@ -9,7 +9,7 @@ from numba import njit
 
 
 @njit(cache=True)
-def update(P, H, R, z, gate, K, S, Sinv, dx):
+def update(P, H, R, z, gate, held, K, S, Sinv, dx):
     """Gate a measurement by its normalised innovation squared and, if it passes, update the covariance in place.
 
     Parameters
@@ -24,6 +24,9 @@ def update(P, H, R, z, gate, K, S, Sinv, dx):
         Innovation, measured minus predicted.
     gate : float
         Largest normalised innovation squared that passes; inf = no gate.
+    held : (3,) array
+        Direction (unit vector, or zero for none) of the attitude error that gets no gain: what is known of it stays
+        (Schmidt's consider state).
     K : (n, d), S : (d, d), Sinv : (d, d), dx : (n,) arrays
         Receive the gain, the innovation covariance, its inverse and the correction K z. K and dx are left alone by a
         rejected measurement.
@@ -85,13 +88,19 @@ def update(P, H, R, z, gate, K, S, Sinv, dx):
         return nis
 
     for i in range(n):
-        v = 0.0
         for a in range(d):
             g = 0.0
             for b in range(d):
                 g += PHt[i, b] * Sinv[b, a]
             K[i, a] = g
-            v += g * z[a]
+    for a in range(d):
+        g = held[0] * K[6, a] + held[1] * K[7, a] + held[2] * K[8, a]
+        for i in range(3):
+            K[6 + i, a] -= held[i] * g
+    for i in range(n):
+        v = 0.0
+        for a in range(d):
+            v += K[i, a] * z[a]
         dx[i] = v
     for i in range(n):
         for j in range(n):

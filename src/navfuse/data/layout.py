@@ -12,6 +12,9 @@ from navfuse.errors import ConfigError
 NAVIGATION_STATES = 9
 """Position, velocity and attitude errors always come first."""
 
+CROSS_PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
+"""Row and column in the error matrix M of an inertial sensor of its six cross-coupling states, in order."""
+
 
 @dataclass(frozen=True, slots=True)
 class Block:
@@ -74,7 +77,7 @@ class Layout:
 
     @classmethod
     def join(cls, imu_blocks: Iterable[Block], aiding_blocks: Iterable[Block] = ()) -> Layout:
-        """Layout of inertial sensor blocks (see :func:`navfuse.imu.error_model.imu_blocks`) and aiding blocks."""
+        """Layout of inertial sensor blocks (see :func:`navfuse.imu.states.imu_blocks`) and aiding blocks."""
         imu_blocks = tuple(imu_blocks)
         return cls(imu_blocks + tuple(aiding_blocks), sum(b.size for b in imu_blocks))
 

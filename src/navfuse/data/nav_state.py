@@ -19,7 +19,7 @@ from navfuse.core.rotation import (
     quat_multiply,
     quat_normalize,
 )
-from navfuse.data.layout import NAVIGATION_STATES, Layout
+from navfuse.data.layout import CROSS_PAIRS, NAVIGATION_STATES, Layout
 
 Array = np.ndarray
 
@@ -88,6 +88,25 @@ def to_ned(nav):
         mat_mul((C_en[0], C_en[3], C_en[6], C_en[1], C_en[4], C_en[7], C_en[2], C_en[5], C_en[8]), C_eb)
     )
     return out
+
+
+def corrected_rates(layout: Layout, w_ib_b: Array, f_b: Array, delta: Array) -> tuple[Array, Array]:
+    """Angular rate and specific force (3,) after the estimates of the sensor errors changed by `delta` (n,).
+
+    dw = -db_g - M_g w, df = -db_a - M_a f, to first order in the scale and coupling errors.
+    """
+    out = []
+    for sensor, value in (("gyro", w_ib_b), ("accel", f_b)):
+        change = np.zeros(3)
+        if f"{sensor}_bias" in layout:
+            change -= delta[layout.slice(f"{sensor}_bias")]
+        if f"{sensor}_scale" in layout:
+            change -= delta[layout.slice(f"{sensor}_scale")] * value
+        if f"{sensor}_cross" in layout:
+            for d, (row, column) in zip(delta[layout.slice(f"{sensor}_cross")], CROSS_PAIRS, strict=True):
+                change[row] -= d * value[column]
+        out.append(value + change)
+    return out[0], out[1]
 
 
 class NavState:
@@ -198,14 +217,7 @@ class NavState:
         moved = NavState(
             self.time, array, self.ecef, self.states + delta[NAVIGATION_STATES:], self.layout, self.w_ib_b, self.f_b
         )
-        if "gyro_bias" in self.layout:
-            moved.w_ib_b = self.w_ib_b - delta[self.layout.slice("gyro_bias")]
-        if "gyro_scale" in self.layout:
-            moved.w_ib_b = moved.w_ib_b - delta[self.layout.slice("gyro_scale")] * self.w_ib_b
-        if "accel_bias" in self.layout:
-            moved.f_b = self.f_b - delta[self.layout.slice("accel_bias")]
-        if "accel_scale" in self.layout:
-            moved.f_b = moved.f_b - delta[self.layout.slice("accel_scale")] * self.f_b
+        moved.w_ib_b, moved.f_b = corrected_rates(self.layout, self.w_ib_b, self.f_b, delta)
         return moved
 
 

@@ -10,16 +10,17 @@ import numpy as np
 from scipy.special import chdtri
 
 from navfuse.aiding.base import AidingSensor
+from navfuse.core.earth import dcm_en
 from navfuse.core.kalman import reset_attitude, update
 from navfuse.data.layout import NAVIGATION_STATES, Layout
-from navfuse.data.nav_state import NavState, boxplus_navigation, describe_rows, to_ecef
+from navfuse.data.nav_state import NavState, boxplus_navigation, corrected_rates, describe_rows, to_ecef, to_ned
 from navfuse.data.start import Start
 from navfuse.errors import ConfigError, FilterError
 from navfuse.filters.record import LATE, REJECTED, RESET, USED, WITHHELD, Checkpoint, FilterRecord, Innovation, Update
 from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.increments import ImuIncrements
 from navfuse.imu.states import imu_blocks
-from navfuse.mechanization.error_dynamics import imu_state_map
+from navfuse.mechanization.error_dynamics import ACC_TIME, imu_state_map
 from navfuse.mechanization.propagate import TIME_TOLERANCE, Propagator
 from navfuse.timeline import merge_events
 
@@ -28,6 +29,8 @@ Array = np.ndarray
 OUTPUT_ROWS = 64
 RESET_ATTITUDE_SD = np.radians(10.0)
 GAP_FULL_S = 0.5
+HELD_HEADING_SD = np.radians(20.0)
+MOVING_SPEED = 1.0
 LINEAR_ATTITUDE = np.radians(1.0)
 LINEAR_POSITION = 5000.0
 POLAR_LATITUDE = np.radians(89.95)
@@ -151,6 +154,9 @@ class ErrorStateFilter:
         self._rejections = [[0, 0.0] for _ in self.sensors]
         self._linear = True
         self._emitted = -np.inf
+        self._held = np.zeros(3)
+        self._moved = False
+        self._first_velocity = self.nav[3:6].copy()
         self._scatter = [1.0] * len(self.sensors)
         self._pointers = [int(np.searchsorted(sensor.times, self.time - TIME_TOLERANCE)) for sensor in self.sensors]
         self._index = 0
@@ -160,6 +166,7 @@ class ErrorStateFilter:
         self._out = self.propagator.buffers(OUTPUT_ROWS if period >= 0 else 0, transitions=False)
         self._gates = [self._gate(sensor) for sensor in self.sensors]
         self.record = FilterRecord(layout)
+        self._hold_heading()
         self._keep_checkpoint(())
         if period == 0 or (period > 0 and abs(self._out_next * period - self.time) <= TIME_TOLERANCE):
             self._emit()
@@ -169,8 +176,6 @@ class ErrorStateFilter:
         return {d: float(chdtri(d, 1.0 - p)) if p < 1.0 else np.inf for d in range(1, 13)}
 
     def _rotate_start(self) -> None:
-        from navfuse.core.earth import dcm_en
-
         C = np.kron(np.eye(3), np.array(dcm_en(self.nav[0], self.nav[1])).reshape(3, 3))
         self.nav = to_ecef(self.nav)
         self.P[:9, :9] = C @ self.P[:9, :9] @ C.T
@@ -196,24 +201,39 @@ class ErrorStateFilter:
         time, sensor, row = merge_events([p[: np.searchsorted(p, end + TIME_TOLERANCE, side="right")] for p in pending])
         row += np.array(self._pointers, dtype=np.int64)[sensor] if row.size else 0
         stops = self._with_gaps(time, increments)
+        if not self._last.any() and len(increments):
+            self._foresee_first_rate(increments)
         at = 0
         k = 0
         while k < len(stops):
-            t, is_gap, _ = stops[k]
-            at = self._advance(increments, at, t)
-            updates: list[Update] = []
-            if is_gap:
-                self._inflate(increments, at)
+            t = stops[k][0]
+            first = k
             while k < len(stops) and stops[k][0] - t <= TIME_TOLERANCE:
-                if not stops[k][1]:
-                    j = stops[k][2]
-                    self._measure(int(sensor[j]), int(row[j]), float(time[j]), updates)
                 k += 1
-            self._close(increments, at, tuple(updates))
+            group = stops[first:k]
+            at = self._advance(increments, at, t)
+            if any(is_gap for _, is_gap, _ in group):
+                self._inflate(increments, at)
+            self._hold_heading()
+            updates: list[Update] = []
+            rows = [j for _, is_gap, j in group if not is_gap]
+            late = [self._measure(int(sensor[j]), int(row[j]), float(time[j]), updates) for j in rows]
+            if not all(late) or len(rows) < len(group):
+                self._uncorrelate_held()
+                self._close(increments, at, tuple(updates))
         following = [p[np.searchsorted(p, end + TIME_TOLERANCE, side="right") :] for p in pending]
         horizon = min((p[0] for p in following if p.size), default=np.inf)
         self._advance(increments, at, max(horizon, end + 2 * TIME_TOLERANCE))
         self._index += increments.inc_theta_b.shape[0]
+
+    def _foresee_first_rate(self, increments: ImuIncrements) -> None:
+        """Before the first increment is used, its rate and specific force stand in for those of the one before."""
+        dt = float(increments.time[1] - increments.time[0])
+        for part, values, name in ((0, increments.inc_theta_b, "gyro_bias"), (3, increments.inc_v_b, "accel_bias")):
+            self._last[part : part + 3] = values[0] / dt
+            if name in self.layout:
+                where = self.layout.slice(name)
+                self._last[part : part + 3] -= self.s[where.start - NAVIGATION_STATES : where.stop - NAVIGATION_STATES]
 
     def _with_gaps(self, time: Array, increments: ImuIncrements) -> list[tuple[float, bool, int]]:
         stops = [(float(t), False, j) for j, t in enumerate(time)]
@@ -286,7 +306,14 @@ class ErrorStateFilter:
         if self.settings.checkpoints:
             self.record.checkpoints.append(
                 Checkpoint(
-                    self._index + at, self.time, self.nav.copy(), self.s.copy(), self.x.copy(), self.P.copy(), updates
+                    self._index + at,
+                    self.time,
+                    self.nav.copy(),
+                    self.s.copy(),
+                    self.x.copy(),
+                    self.P.copy(),
+                    updates,
+                    self._held.copy(),
                 )
             )
 
@@ -295,21 +322,53 @@ class ErrorStateFilter:
         nav = NavState(self.time, self.nav, self.settings.ecef, self.s, self.layout, self._last[:3], self._last[3:])
         return nav.boxplus(self.x) if self.settings.open_loop else nav
 
-    def _measure(self, which: int, k: int, time: float, updates: list[Update]) -> None:
+    def _hold_heading(self) -> None:
+        """Keep an unknown heading unknown until the velocity has changed.
+
+        At rest nothing tells the heading, but an extended Kalman filter whose level moves about a little believes it
+        learns something at every update. So a heading that is known no better than HELD_HEADING_SD gets no gain, and its
+        correlations are dropped, until the vehicle moves.
+        """
+        if self._moved:
+            return
+        C_en = np.array(dcm_en(*to_ned(self.nav)[:2])).reshape(3, 3) if self.settings.ecef else np.eye(3)
+        down = C_en[:, 2].copy()
+        variance = down @ self.P[6:9, 6:9] @ down
+        changed = float(np.linalg.norm(self.nav[3:6] + self.x[3:6] - self._first_velocity))
+        sd = float(np.sqrt(np.max(np.diagonal(self.P)[3:6])))
+        self._moved = variance < HELD_HEADING_SD**2 or changed > MOVING_SPEED + 5.0 * sd
+        if self._moved:
+            self._held = np.zeros(3)
+            return
+        self._held = down
+        self._uncorrelate_held()
+
+    def _uncorrelate_held(self) -> None:
+        if not self._held.any():
+            return
+        along = np.outer(self._held, self._held)
+        variance = self._held @ self.P[6:9, 6:9] @ self._held
+        keep = np.eye(3) - along
+        self.P[6:9] = keep @ self.P[6:9]
+        self.P[:, 6:9] = self.P[:, 6:9] @ keep
+        self.P[6:9, 6:9] += variance * along
+
+    def _measure(self, which: int, k: int, time: float, updates: list[Update]) -> bool:
+        """Use or record one measurement; True if it came too late for either."""
         sensor = self.sensors[which]
         self._pointers[which] = k + 1
-        if time < self.time - TIME_TOLERANCE:
+        if time < self.time - TIME_TOLERANCE or self._acc[ACC_TIME] > 0.0:
             self.record.innovations.append(
                 Innovation(time, sensor.name, sensor.log_row(k), LATE, np.nan, np.empty(0), np.empty(0))
             )
-            return
+            return True
         z, H, R = sensor.linearize(self.nav_state(), k)
         d = z.size
         n = self.layout.size
         K, S, Sinv, dx = np.empty((n, d)), np.empty((d, d)), np.empty((d, d)), np.empty(n)
         withheld = sensor.withheld(k)
         gate = self._gates[which][d] * max(1.0, self._scatter[which])
-        nis = update(self.P, H, R, z, -1.0 if withheld else gate, K, S, Sinv, dx)
+        nis = update(self.P, H, R, z, -1.0 if withheld else gate, self._held, K, S, Sinv, dx)
         if not np.isfinite(nis):
             raise FilterError(
                 f"{sensor.name} measurement {k} at {time:.3f} s cannot be used: its innovation covariance is not "
@@ -321,7 +380,7 @@ class ErrorStateFilter:
             self._watch(which, nis / d)
         if status == REJECTED and self._overdue(which, time):
             self._loosen(1.01 * nis / gate)
-            nis_after = update(self.P, H, R, z, np.inf, K, S, Sinv, dx)
+            nis_after = update(self.P, H, R, z, np.inf, self._held, K, S, Sinv, dx)
             if not np.isfinite(nis_after):
                 raise FilterError(f"the covariance is no longer positive definite at {time:.3f} s")
             status = RESET
@@ -332,6 +391,7 @@ class ErrorStateFilter:
             updates.append(Update(H, K, Sinv, z, dx[6:9].copy()))
         sd = np.sqrt(np.diagonal(S))
         self.record.innovations.append(Innovation(time, sensor.name, sensor.log_row(k), status, nis, z, sd))
+        return False
 
     def _watch(self, which: int, ratio: float) -> None:
         """Follow how large the normalised innovations of a sensor really are, so that its gate fits sigmas that are
@@ -374,6 +434,7 @@ class ErrorStateFilter:
             return
         boxplus_navigation(self.nav, dx, self.settings.ecef)
         self.s += dx[9:]
+        self._last[:3], self._last[3:] = corrected_rates(self.layout, self._last[:3], self._last[3:], dx)
         reset_attitude(self.P, dx[6:9])
 
     def _watch_linear_range(self) -> None:
@@ -417,6 +478,9 @@ class ErrorStateFilter:
             "out_next": self._out_next,
             "emitted": self._emitted,
             "linear": self._linear,
+            "held": self._held.copy(),
+            "moved": self._moved,
+            "first_velocity": self._first_velocity.copy(),
             "pointers": np.array(self._pointers, dtype=np.int64),
             "scatter": np.array(self._scatter),
             "rejections": np.array(self._rejections, dtype=float).reshape(-1, 2),
@@ -444,6 +508,9 @@ class ErrorStateFilter:
         self._out_next = int(state["out_next"])
         self._emitted = float(state["emitted"])
         self._linear = bool(state["linear"])
+        self._held = np.array(state["held"], dtype=float)
+        self._moved = bool(state["moved"])
+        self._first_velocity = np.array(state["first_velocity"], dtype=float)
         self._pointers = [int(k) for k in state["pointers"]]
         self._scatter = [float(v) for v in state["scatter"]]
         self._rejections = [[int(c), float(t)] for c, t in state["rejections"]]

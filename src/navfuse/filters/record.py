@@ -32,8 +32,9 @@ class Update(NamedTuple):
 
 
 class Checkpoint(NamedTuple):
-    """The filter after an event: number of increments finished, time, state, covariance, and the updates applied in
-    order.
+    """The filter after an event: increments finished, time, state, covariance, and the updates applied in order.
+
+    `held` (3,) is the direction of the attitude error that the event left alone, or zero.
     """
 
     index: int
@@ -43,6 +44,7 @@ class Checkpoint(NamedTuple):
     x: Array
     P: Array
     updates: tuple[Update, ...]
+    held: Array
 
 
 class Innovation(NamedTuple):

@@ -4,9 +4,11 @@ The smoothed estimate is that of the Rauch-Tung-Striebel smoother, but no covari
 is needed. Going back in time an adjoint vector and matrix gather what the later measurements say (Bierman 1977,
 *Factorization methods for discrete sequential estimation*, ch. X; Bryson and Frazier 1963)::
 
-    across a transition F             lam <- F^T lam,                              Lam <- F^T Lam F across an update
-    (H, K, S, z)     lam <- (I - K H)^T G^T lam - H^T S^-1 z,      Lam <- (I - K H)^T G^T Lam G (I - K H) + H^T S^-1 H
-    smoothed                          x_s = x - P lam,                             P_s = P - P Lam P
+    across a transition F           lam <- F^T lam
+                                    Lam <- F^T Lam F
+    across an update (H, K, S, z)   lam <- (I - K H)^T G^T lam - H^T S^-1 z
+                                    Lam <- (I - K H)^T G^T Lam G (I - K H) + H^T S^-1 H
+    smoothed                        x_s = x - P lam,  P_s = P - P Lam P
 
 with x and P of the filter at that moment and G the change of the attitude error when the estimate was corrected. In a
 closed loop x is zero and x_s is applied to the navigation state of the filter.
@@ -108,11 +110,51 @@ def _smooth_rows(x, P, lam, Lam, row, out_x, out_P, work):
 
 
 @njit(cache=True)
-def _back_across_rows(rows, x, P, F, lam, Lam, out_x, out_P, work):
+def _drop_direction(held, lam, Lam):
+    """Take out of the adjoint what it says of one direction (3,) of the attitude error. No checks are made."""
+    v = held[0] * lam[6] + held[1] * lam[7] + held[2] * lam[8]
+    for i in range(3):
+        lam[6 + i] -= held[i] * v
+    for c in range(lam.size):
+        v = held[0] * Lam[6, c] + held[1] * Lam[7, c] + held[2] * Lam[8, c]
+        for i in range(3):
+            Lam[6 + i, c] -= held[i] * v
+    for c in range(lam.size):
+        v = held[0] * Lam[c, 6] + held[1] * Lam[c, 7] + held[2] * Lam[c, 8]
+        for i in range(3):
+            Lam[c, 6 + i] -= held[i] * v
+
+
+@njit(cache=True)
+def _uncorrelate_direction(held, P):
+    """Uncorrelate one direction (3,) of the attitude error from all else in rows (r, 9, n) of covariance. No checks."""
+    if held[0] == 0.0 and held[1] == 0.0 and held[2] == 0.0:
+        return
+    for row in range(P.shape[0]):
+        variance = 0.0
+        for i in range(3):
+            for j in range(3):
+                variance += held[i] * P[row, 6 + i, 6 + j] * held[j]
+        for c in range(P.shape[2]):
+            v = held[0] * P[row, 6, c] + held[1] * P[row, 7, c] + held[2] * P[row, 8, c]
+            for i in range(3):
+                P[row, 6 + i, c] -= held[i] * v
+        for r in range(9):
+            v = held[0] * P[row, r, 6] + held[1] * P[row, r, 7] + held[2] * P[row, r, 8]
+            for i in range(3):
+                P[row, r, 6 + i] -= held[i] * v
+        for i in range(3):
+            for j in range(3):
+                P[row, 6 + i, 6 + j] += variance * held[i] * held[j]
+
+
+@njit(cache=True)
+def _back_across_rows(rows, x, P, F, held, lam, Lam, out_x, out_P, work):
     """Smooth rows in reverse, carrying the adjoint back over the transition that leads to each. No checks are made."""
     for row in range(rows - 1, -1, -1):
         _smooth_rows(x, P, lam, Lam, row, out_x, out_P, work)
         _back_across_transition(F[row], lam, Lam, work)
+        _drop_direction(held, lam, Lam)
 
 
 @njit(cache=True)
@@ -233,10 +275,12 @@ def smooth(
         value_times.append(checkpoint.time)
         values.append(value)
         deviations.append(sd)
+        _drop_direction(checkpoint.held, lam, Lam)
         for update in reversed(checkpoint.updates):
             _back_across_update(
                 update.H, update.K, update.Sinv, update.z, update.dpsi * (not settings.open_loop), lam, Lam, work
             )
+        _drop_direction(checkpoint.held, lam, Lam)
     if progress is not None:
         progress(1.0)
     trajectory = trajectory_from_rows(times[::-1], pieces[::-1], "smoothed")
@@ -267,10 +311,12 @@ def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, pool
         if rows < capacity or capacity == 0:
             break
     _back_across_transition(F, lam, Lam, work)
+    _drop_direction(checkpoint.held, lam, Lam)
     for (time, row_nav, row_x, row_P, row_F, _), rows in zip(reversed(pool[: len(runs)]), reversed(runs), strict=True):
         if rows:
             x_s, P_s, out = np.empty((rows, 9)), np.empty((rows, 9, 9)), np.empty((rows, 18))
-            _back_across_rows(rows, row_x, row_P, row_F, lam, Lam, x_s, P_s, work)
+            _uncorrelate_direction(checkpoint.held, row_P[:rows])
+            _back_across_rows(rows, row_x, row_P, row_F, checkpoint.held, lam, Lam, x_s, P_s, work)
             describe_rows(row_nav[:rows], x_s, P_s, settings.ecef, out)
             times.append(time[:rows].copy())
             pieces.append(out)
