@@ -12,11 +12,19 @@ author = "navfuse developers"
 copyright = "2026, navfuse developers"
 release = version = navfuse.__version__
 
-extensions = ["myst_parser", "sphinx.ext.mathjax"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon"]
 myst_enable_extensions = ["amsmath", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build", "_generated"]
 nitpicky = True
+nitpick_ignore_regex = [("py:.*", ".*")]  # docstrings name shapes, units and internals, which are no links
+default_role = "code"
+
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+napoleon_use_rtype = False
 
 html_theme = "furo"
 html_title = f"navfuse {release}"

@@ -42,6 +42,8 @@ Array = np.ndarray
 Progress = Callable[[str, float], None]
 
 BLOCK_SAMPLES = 50_000
+SILENT_GAP_S = 0.1
+"""Inside a longer gap no epochs are put out."""
 
 
 def process(
@@ -78,7 +80,7 @@ def process(
     )
     tell = progress or _silent
     clock = _Clock()
-    with _collected_warnings() as notes:
+    with _collected_warnings() as caught:
         with clock("read"):
             imu, gnss = read_logs(project)
         with clock("increments"):
@@ -98,6 +100,7 @@ def process(
         result = _result(project, gnss, runs)
         for note in run_warnings(result, project.gnss.outages_s):
             _warn(note)
+    notes = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, NavfuseWarning))
     result = replace(result, warnings=tuple(notes))
     summary = summarize_run(
         result,
@@ -336,10 +339,22 @@ def _without_outages(gnss: GnssLog | None, project: Project) -> GnssLog | None:
 
 def _result(project: Project, gnss: GnssLog | None, runs: list[_Run]) -> Result:
     forward, innovations, states = collect([run.filter.record for run in runs])
+    gaps = [gap for run in runs for gap in run.filter.record.gaps]
     smoothed = None
     if project.smoother.method == "rts":
         smoothed = _joined([run.smoothed.trajectory for run in runs if run.smoothed is not None], "smoothed")
+        smoothed = _outside_gaps(smoothed, gaps)
+    forward = _outside_gaps(forward, gaps)
     return Result(forward=forward, smoothed=smoothed, innovations=innovations, states=states, fixes=gnss)
+
+
+def _outside_gaps(trajectory: Trajectory, gaps: list[tuple[float, float]]) -> Trajectory:
+    """The trajectory without the epochs inside bridged gaps: nothing was measured there."""
+    keep = np.ones(len(trajectory), dtype=bool)
+    for start, length in gaps:
+        if length > SILENT_GAP_S:
+            keep &= (trajectory.time <= start + 1e-6) | (trajectory.time >= start + length - 1e-6)
+    return trajectory if keep.all() else trajectory.take(keep)
 
 
 def _warn_of_gaps(gaps: list[tuple[float, float]]) -> None:
@@ -356,10 +371,8 @@ def _warn_of_gaps(gaps: list[tuple[float, float]]) -> None:
 def _joined(trajectories: list[Trajectory], source: str) -> Trajectory:
     if len(trajectories) == 1:
         return trajectories[0]
-    names = ("time", "lat", "lon", "height", "velocity_n", "attitude", "sd_position", "sd_velocity", "sd_attitude")
-    return Trajectory(
-        **{name: np.concatenate([getattr(t, name) for t in trajectories]) for name in names}, source=source
-    )
+    columns = [trajectory.to_columns() for trajectory in trajectories]
+    return Trajectory.from_columns({name: np.concatenate([c[name] for c in columns]) for name in columns[0]}, source)
 
 
 class _Clock:
@@ -376,20 +389,22 @@ class _Clock:
 
 
 @contextmanager
-def _collected_warnings() -> Iterator[list[str]]:
-    """Keep the text of every warning navfuse gives, and still show it."""
-    notes: list[str] = []
-    show = warnings.showwarning
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", NavfuseWarning)
+def _collected_warnings() -> Iterator[list[warnings.WarningMessage]]:
+    """Collect the text of every warning navfuse gives, each once, and pass all warnings on at the end.
 
-        def keep(message: Any, category: Any, *rest: Any, **more: Any) -> None:
-            if issubclass(category, NavfuseWarning):
-                notes.append(str(message))
-            show(message, category, *rest, **more)
-
-        warnings.showwarning = keep
-        yield notes
+    The caller's filters decide what becomes of them, as if they had been given then.
+    """
+    caught: list[warnings.WarningMessage] = []
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield caught
+    finally:
+        shown: set[str] = set()
+        for entry in caught:
+            if str(entry.message) not in shown:
+                shown.add(str(entry.message))
+                warnings.warn_explicit(entry.message, entry.category, entry.filename, entry.lineno)
 
 
 def _warn(text: str) -> None:

@@ -23,7 +23,7 @@ def run(P, H, R, z, gate=np.inf):
     n, d = P.shape[0], z.size
     P = P.copy()
     K, S, Sinv, dx = np.full((n, d), np.nan), np.empty((d, d)), np.empty((d, d)), np.full(n, np.nan)
-    nis = update(P, H, R, z, gate, K, S, Sinv, dx)
+    nis = update(P, H, R, z, gate, np.zeros(3), K, S, Sinv, dx)
     return P, K, S, Sinv, dx, nis
 
 

@@ -66,7 +66,7 @@ SIZES = {
     9: ImuErrorModel(arw=1e-4, vrw=1e-3),
     15: ImuErrorModel(gyro_bias_sd=1e-3, accel_bias_sd=1e-2),
     21: ImuErrorModel(gyro_bias_sd=1e-3, accel_bias_sd=1e-2, gyro_scale_sd=1e-3, accel_scale_sd=1e-3),
-    33: GRADES["consumer"],
+    33: GRADES["consumer"].replace(gyro_cross_sd=7e-3, accel_cross_sd=7e-3),
 }
 
 

@@ -174,9 +174,7 @@ def test_the_first_fix_is_predicted_with_the_rate_of_the_first_increment(open_lo
     log = gnss_fixes(motion, 1.0, (1.0, 1.0, 2.0), (0.05, 0.05, 0.1), LEVER, None)
     start = start_at(motion, 10.0, *SMALL_SD)
     options = FilterSettings(ecef=ecef, open_loop=open_loop)
-    filter_ = run_filter(
-        start, MEMS, [GnssVelocity(log, LEVER)], cut(perfect_increments(motion, 100.0), 1000), options
-    )
+    filter_ = run_filter(start, MEMS, [GnssVelocity(log, LEVER)], cut(perfect_increments(motion, 100.0), 1000), options)
     first = filter_.record.innovations[0]
     assert first.time == 10.0
     assert np.abs(first.z).max() < 5e-3

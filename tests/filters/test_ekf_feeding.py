@@ -125,7 +125,17 @@ def test_a_saved_filter_goes_on_as_if_nothing_had_happened(name, through, at):
     second.feed(cut(increments, at))
     tail = second.record
     assert_same_filter(second, whole(name))
-    for field in ("time", "rows", "innovations", "checkpoints", "state_time", "state_value", "state_sd", "notes"):
+    for field in (
+        "time",
+        "rows",
+        "innovations",
+        "checkpoints",
+        "state_time",
+        "state_value",
+        "state_sd",
+        "notes",
+        "gaps",
+    ):
         setattr(head, field, getattr(head, field) + getattr(tail, field))
     assert_same_record(head, whole(name).record)
 

@@ -132,6 +132,7 @@ def assert_same_record(a: FilterRecord, b: FilterRecord) -> None:
     assert np.array_equal(a.state_value, b.state_value)
     assert np.array_equal(a.state_sd, b.state_sd)
     assert a.notes == b.notes
+    assert a.gaps == b.gaps
     assert len(a.checkpoints) == len(b.checkpoints)
     for one, other in zip(a.checkpoints, b.checkpoints, strict=True):
         assert (one.index, one.time) == (other.index, other.time)

@@ -89,8 +89,8 @@ def linearize_velocity(nav, ecef, l_b, w_ib_b, gyro_bias, gyro_scale, gyro_cross
 
         dv_a = dv - [C_mb (w x l) x] psi + w_ie x [C_mb l x] psi - C_mb [l x] dw.
 
-    `gyro_bias`, `gyro_scale` and `gyro_cross` are the first column of those states, or -1. `H` must be zero elsewhere. No checks
-    are made.
+    `gyro_bias`, `gyro_scale` and `gyro_cross` are the first column of those states, or -1. `H` must be zero
+    elsewhere. No checks are made.
     """
     v, C_mb, C_nm, l, wl, ie = _antenna_velocity(nav, ecef, l_b, w_ib_b)
     for a in range(3):

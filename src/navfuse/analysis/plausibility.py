@@ -12,6 +12,8 @@ from navfuse.data.result import Result
 OVERCONFIDENT = 1.5
 """Factor by which innovations may exceed their claimed size before a run says so."""
 REJECTED_SHARE = 0.05
+FEWEST = 10
+"""Measurements below which nothing is concluded."""
 SIDEWAYS = np.radians(20.0)
 FAST = 3.0
 CONCENTRATED = 0.95
@@ -31,22 +33,29 @@ def run_warnings(result: Result, exclude: Sequence[tuple[float, float]] = ()) ->
     list of str
         Each says what is seen and what to look at, most likely cause first.
     """
-    found = []
+    wrong, outliers = [], []
     for source, summary in nis_summary(result.innovations, exclude).items():
-        counts = summary.counts
-        tried = summary.n + counts.get("rejected", 0)
-        factor = float(np.sqrt(max(summary.mean_nis_per_dof_with_rejected, 0.0)))
-        share = counts.get("rejected", 0) / tried if tried else 0.0
-        if summary.n > 10 and (factor > OVERCONFIDENT or share > REJECTED_SHARE):
-            found.append(
-                f"{source}: innovations are {factor:.1f} times as large as claimed and {100 * share:.1f} % were "
-                "rejected, so "
-                "the standard deviations of this run are too small. Check, in this order: the time offset between "
-                "the logs "
-                "(imu.time_offset_s), gnss.lever_arm_m, imu.axes, imu.grade, and the sigmas of the fixes "
-                "(gnss.sd_scale, "
-                "gnss.velocity_sd_scale)"
-            )
+        if summary.n <= FEWEST:
+            continue
+        rejected = summary.counts.get("rejected", 0)
+        share = rejected / (summary.n + rejected)
+        factor = float(np.sqrt(summary.mean_nis_per_dof))
+        if factor > OVERCONFIDENT:
+            wrong.append(f"{source} {factor:.1f} times ({100.0 * share:.1f} % rejected)")
+        elif share > REJECTED_SHARE:
+            outliers.append(f"{100.0 * share:.1f} % of {source}")
+    found = []
+    if wrong:
+        found.append(
+            f"innovations are larger than claimed: {', '.join(wrong)}; the standard deviations of this run are too"
+            " small. Check, in this order: the time offset between the logs (imu.time_offset_s), gnss.lever_arm_m,"
+            " imu.axes, imu.grade, and the sigmas of the fixes (gnss.sd_scale, gnss.velocity_sd_scale)"
+        )
+    if outliers:
+        found.append(
+            f"{' and '.join(outliers)} rejected; what was used agrees with its standard deviations, so these were"
+            " outliers of the receiver, or the run lost its way for a while: see the innovations"
+        )
     return found + _sideways(result)
 
 

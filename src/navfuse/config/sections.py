@@ -326,7 +326,8 @@ class FilterConfig(Section):
     covariance_rate_hz: Number | None = key(
         None,
         "Hz",
-        "How often the covariance is propagated; 0 for every IMU sample. Left out: a rate that loses nothing.",
+        "How often the covariance is propagated, at least at every output and measurement; 0: at every IMU sample. "
+        "Left out: 10 Hz, which loses nothing measurable.",
         least=0.0,
         example=20.0,
     )

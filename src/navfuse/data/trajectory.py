@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -108,6 +108,15 @@ class Trajectory:
             triads["attitude"][:, 2] = wrapped(triads["attitude"][:, 2], 2.0 * np.pi)
         time, lat, lon, height = (_to_si(column, values[column]) for column in POSITION_COLUMNS)
         return cls(time, lat, lon, height, **triads, source=source)
+
+    def take(self, index: Array | slice) -> Trajectory:
+        """Epochs picked by a mask, an index array or a slice."""
+        picked = {
+            entry.name: values[index]
+            for entry in fields(self)
+            if isinstance(values := getattr(self, entry.name), np.ndarray)
+        }
+        return replace(self, **picked)
 
     def to_columns(self) -> dict[str, Array]:
         """Native columns in their order.

@@ -326,8 +326,8 @@ class ErrorStateFilter:
         """Keep an unknown heading unknown until the velocity has changed.
 
         At rest nothing tells the heading, but an extended Kalman filter whose level moves about a little believes it
-        learns something at every update. So a heading that is known no better than HELD_HEADING_SD gets no gain, and its
-        correlations are dropped, until the vehicle moves.
+        learns something at every update. So a heading that is known no better than HELD_HEADING_SD gets no gain, and
+        its correlations are dropped, until the vehicle moves.
         """
         if self._moved:
             return

@@ -36,7 +36,7 @@ from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.first_fix import TWICE_USED, course, first_position, north_east
 from navfuse.imu.heading import HeadingFit, earth_rate_heading, fit_heading
 from navfuse.imu.increments import ImuIncrements
-from navfuse.imu.standing import check_gravity, gnss_standing_time, level, standing_time
+from navfuse.imu.standing import Level, check_gravity, gnss_standing_time, level, standing_time
 
 Array = np.ndarray
 
@@ -99,33 +99,32 @@ def align(
     standing_s = standing_time(rest, gnss, model)
     notes: list[str] = []
     found_level = level(rest, standing_s, model)
+    notes += found_level.notes
     if known.roll is None or known.pitch is None:
         check_gravity(found_level.force_b)
+    _check_given_level(found_level, standing_s, known)
     roll = found_level.roll if known.roll is None else known.roll
     pitch = found_level.pitch if known.pitch is None else known.pitch
     sd_level, level_source, bias = found_level.sd, "standing" if standing_s > 0 else "moving", found_level.gyro_bias
     if known.roll is not None and known.pitch is not None:
         sd_level, level_source = np.radians(0.5), "given"
-    heading, sd_heading, heading_source = known.heading, None, "given"
-    given_sd = None if known.sd_attitude is None else known.sd_attitude[2]
-    tilt: HeadingFit | None = None
-    if heading is None or (given_sd is not None and given_sd > 2 * USABLE_HEADING_SD):
-        latitude = known.position[0] if known.position is not None else gnss.lat[0] if gnss is not None else 0.0
-        found = _heading(rest, gnss, model, lever_b, roll, pitch, sd_level, bias, standing_s, latitude)
-        if found.source == "unknown" and heading is not None:
-            sd_heading = min(given_sd, UNKNOWN_HEADING_SD)
-        else:
-            heading, sd_heading, heading_source, tilt = found.heading, found.sd, found.source, found.fit
-        if heading_source == "unknown":
-            notes.append(
-                "heading could not be found: the log shows no motion that tells it; it starts unknown (104 deg, 1 "
-                "sigma). Give [start] heading_deg "
-                "if you know it"
-            )
+    latitude = known.position[0] if known.position is not None else gnss.lat[0] if gnss is not None else 0.0
+    heading, sd_heading, heading_source, tilt = known.heading, np.radians(2.0), "given", None
+    given_sd = 0.0 if known.sd_attitude is None else float(known.sd_attitude[2])
+    found = _heading(rest, gnss, model, lever_b, roll, pitch, sd_level, found_level, standing_s, latitude)
+    if heading is not None and given_sd <= 2 * USABLE_HEADING_SD:
+        notes += _given_heading_contradicted(heading, given_sd, found)
+    elif found.source != "unknown" or heading is None:
+        heading, sd_heading, heading_source, tilt = found.heading, found.sd, found.source, found.fit
+    if heading_source == "unknown":
+        notes.append(
+            "heading could not be found: the log shows no motion that tells it; it starts unknown (104 deg, 1 sigma). "
+            "Give [start] heading_deg if you know it"
+        )
     if tilt is not None and level_source == "moving":
         roll, pitch = _relevel(roll, pitch, heading, tilt)
         sd_level = max(TWICE_USED * tilt.sd_tilt, sd_level / TWICE_USED)
-    sd_euler = np.array([sd_level, sd_level, sd_heading if sd_heading is not None else np.radians(2.0)])
+    sd_euler = np.array([sd_level, sd_level, sd_heading])
     if known.sd_attitude is not None:
         for i, given in enumerate((known.roll, known.pitch, known.heading if heading_source == "given" else None)):
             if given is not None:
@@ -138,6 +137,37 @@ def align(
         time, position, velocity, np.array([roll, pitch, heading]), sd_position, sd_velocity, sd_euler, states
     )
     return Alignment(start, level_source, heading_source, standing_s, tuple(notes))
+
+
+def _check_given_level(found: Level, standing_s: float, known: Known) -> None:
+    """Refuse a roll or pitch that the accelerometers at rest contradict."""
+    if standing_s <= 0 or known.sd_attitude is None:
+        return
+    for k, name in enumerate(("roll", "pitch")):
+        given = getattr(known, name)
+        if given is None:
+            continue
+        apart = abs((given - getattr(found, name) + np.pi) % (2 * np.pi) - np.pi)
+        if apart > np.radians(10.0) and apart > 5.0 * np.hypot(known.sd_attitude[k], found.sd):
+            raise AlignmentError(
+                f"[start] {name}_deg = {np.degrees(given):.1f} contradicts the accelerometers at rest, which say "
+                f"{np.degrees(getattr(found, name)):.1f}; correct it or leave it out, or look at imu.axes"
+            )
+
+
+def _given_heading_contradicted(heading: float, sd: float, found: _Found) -> list[str]:
+    if found.source not in ("motion", "earth rate"):
+        return []
+    apart = abs((heading - found.heading + np.pi) % (2 * np.pi) - np.pi)
+    if apart < 4.0 * np.hypot(sd, found.sd):
+        return []
+    said = "motion" if found.source == "motion" else "Earth rate"
+    return [
+        f"[start] heading_deg = {np.degrees(heading) % 360:.1f} (sd {np.degrees(sd):.1f}) contradicts the {said}, "
+        "which says "
+        f"{np.degrees(found.heading):.1f} (sd {np.degrees(found.sd):.1f}); correct it, give a larger sd, or leave it "
+        "out"
+    ]
 
 
 def _start_time(increments: ImuIncrements, gnss: GnssLog | None, known: Known) -> float:
@@ -183,13 +213,14 @@ def _heading(
     roll: float,
     pitch: float,
     sd_level: float,
-    bias: tuple[Array, Array] | None,
+    found_level: Level,
     standing_s: float,
     latitude: float,
 ) -> _Found:
     C_lb = np.array(dcm_from_euler(roll, pitch, 0.0)).reshape(3, 3)
     found = _Found(0.0, UNKNOWN_HEADING_SD, "unknown")
-    if standing_s > 10.0:
+    bias = found_level.gyro_bias
+    if standing_s > 10.0 and found_level.plausible_rate:
         last = int(np.searchsorted(rest.time, rest.time[0] + standing_s - 1.0))
         mean = rest.inc_theta_b[:last].sum(axis=0) / (rest.time[last] - rest.time[0])
         sd_rate = float(np.hypot(np.max(model.axes("gyro_bias_sd")), model.arw / np.sqrt(standing_s)))

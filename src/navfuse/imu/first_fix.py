@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from navfuse.core.earth import dcm_en, ecef_to_geodetic, geodetic_to_ecef_batch
+from navfuse.core.earth import dcm_en, ecef_to_geodetic, geodetic_to_ecef, geodetic_to_ecef_batch
 from navfuse.core.rotation import dcm_from_euler
 from navfuse.data.logs import GnssLog
 from navfuse.data.start import Known
@@ -56,7 +56,7 @@ def first_position(
     sd_position = known.sd_position
     sd_velocity = known.sd_velocity
     position, velocity = known.position, known.velocity_n
-    if position is None or velocity is None:
+    if position is None or velocity is None or gnss is not None:
         if gnss is None:
             raise AlignmentError(
                 "without GNSS the start must be given in full: lat_deg, lon_deg, height_m, velocity_mps, roll_deg, "
@@ -75,14 +75,18 @@ def first_position(
             sd_velocity = fix_sd + float(np.linalg.norm(lever_b)) * turning if sd_velocity is None else sd_velocity
         if position is None:
             C_nb = np.array(dcm_from_euler(*euler)).reshape(3, 3)
-            r0 = r[k] + C_en @ (fix_velocity * (time - gnss.time[k]) - C_nb @ lever_b)
+            antenna, extra = _agreed_position(gnss, r, C_en, k, time, fix_velocity)
+            r0 = antenna - C_en @ C_nb @ lever_b
             position = np.array(ecef_to_geodetic(r0[0], r0[1], r0[2]))
             if sd_position is None:
                 sd_position = (
                     TWICE_USED * gnss.sd_position[k]
-                    + away * (fix_sd + 1.0 * away)
-                    + 2.0 * np.linalg.norm(lever_b) * 0.1
+                    + away * (fix_sd + away)
+                    + 0.2 * float(np.linalg.norm(lever_b))
+                    + extra
                 )
+        elif gnss is not None:
+            _check_given_position(position, sd_position, r[k], C_en)
     if sd_position is None:
         sd_position = np.array([1.0, 1.0, 2.0])
     if sd_velocity is None:
@@ -103,10 +107,40 @@ def _fix_velocity(gnss: GnssLog, r: Array, C_en: Array, k: int, time: float, sta
         raise AlignmentError("the velocity at the start cannot be found from a single fix; give [start] velocity_mps")
     t = gnss.time[near] - time
     offsets = (r[near] - r[k]) @ C_en
+    first, second = np.triu_indices(t.size, 1)
+    slope = np.median((offsets[second] - offsets[first]) / (t[second] - t[first])[:, None], axis=0)
+    residual = offsets - t[:, None] * slope
+    residual -= np.median(residual, axis=0)
+    fix_sd = np.max(gnss.sd_position[near], axis=0)
+    factor = np.maximum(1.0, np.sqrt(np.mean(residual**2, axis=0)) / fix_sd)
     spread = t - t.mean()
-    slope = spread @ offsets / (spread @ spread)
-    sd = np.max(gnss.sd_position[near], axis=0) / np.sqrt(spread @ spread)
+    sd = factor * fix_sd / np.sqrt(spread @ spread)
     return slope, TWICE_USED * sd + 0.5 * float(np.ptp(t)) + 0.1
+
+
+def _agreed_position(gnss: GnssLog, r: Array, C_en: Array, k: int, time: float, velocity: Array) -> tuple[Array, float]:
+    """ECEF position of the antenna at `time` by fix `k`, or by its neighbours if they agree that it is an outlier.
+
+    The second value [m] is to be added to its standard deviations.
+    """
+    near = np.arange(k, min(k + 5, gnss.time.size))
+    dt = gnss.time[near] - time
+    places = (r[near] - r[k]) @ C_en - dt[:, None] * velocity
+    room = 5.0 * np.max(gnss.sd_position[near]) + 2.5 * float(np.max(dt**2)) + 5.0
+    middle = np.median(places, axis=0)
+    if near.size >= 3 and np.linalg.norm(places[0] - middle) > room:
+        return r[k] + C_en @ middle, room
+    return r[k] + C_en @ places[0], 0.0
+
+
+def _check_given_position(position: Array, sd: Array | None, r_fix: Array, C_en: Array) -> None:
+    away = np.linalg.norm(np.array(geodetic_to_ecef(*position)) - r_fix)
+    if away > 1000.0 + 10.0 * (0.0 if sd is None else float(np.max(sd))):
+        raise AlignmentError(
+            f"[start] lat_deg, lon_deg, height_m lie {away / 1000.0:.1f} km from the GNSS fixes at that time; "
+            "correct them "
+            "or leave them out"
+        )
 
 
 def course(rest: ImuIncrements, gnss: GnssLog) -> tuple[float, float] | None:

@@ -50,9 +50,12 @@ def gnss_standing_time(gnss: GnssLog, begin: float) -> float:
     if gnss.velocity_n is not None and gnss.sd_velocity is not None:
         speed = np.linalg.norm(gnss.velocity_n[k, :2], axis=1)
         moving |= speed > 0.15 + 3.5 * np.max(gnss.sd_velocity[k, :2], axis=1)
-    away = np.linalg.norm(north_east(gnss, k), axis=1)
+    offsets = north_east(gnss, k)
+    away = np.linalg.norm(offsets - np.median(offsets[:5], axis=0), axis=1)
     sd = np.max(gnss.sd_position[k, :2], axis=1)
     moving |= away > 0.3 + 3.5 * np.hypot(sd, sd[0])
+    if k.size > 1:
+        moving[:-1] &= moving[1:]
     return float(gnss.time[k[np.argmax(moving)]] - begin) if moving.any() else np.inf
 
 
@@ -66,6 +69,10 @@ class Level(NamedTuple):
         Mean specific force that it came from.
     gyro_bias : (value, sd) or None
         Mean angular rate at rest (3,) [rad/s] and its standard deviation, where that says more than the error model.
+    plausible_rate : bool
+        Whether the mean rate at rest is no more than the Earth rate and the biases of the error model.
+    notes : tuple of str
+        Where the sensor at rest contradicts its error model.
     """
 
     roll: float
@@ -73,6 +80,8 @@ class Level(NamedTuple):
     sd: float
     force_b: Array
     gyro_bias: tuple[Array, Array] | None
+    plausible_rate: bool
+    notes: tuple[str, ...]
 
 
 def level(rest: ImuIncrements, standing_s: float, model: ImuErrorModel) -> Level:
@@ -105,12 +114,31 @@ def level(rest: ImuIncrements, standing_s: float, model: ImuErrorModel) -> Level
         sd = float(np.hypot(bias_sd, model.vrw / np.sqrt(length)) / STANDARD_GRAVITY + np.radians(0.1))
     else:
         sd = float(np.radians(5.0) + abs(np.linalg.norm(f) - STANDARD_GRAVITY) / STANDARD_GRAVITY)
-    bias = None
-    if standing_s > 2.0:
-        sd_rate = np.full(3, np.sqrt(model.arw**2 / length + EARTH_RATE**2))
-        if np.all(sd_rate < model.axes("gyro_bias_sd")):
-            bias = (head.inc_theta_b.sum(axis=0) / length, sd_rate)
-    return Level(float(np.arctan2(-f[1], -f[2])), float(np.arctan2(f[0], np.hypot(f[1], f[2]))), sd, f, bias)
+    roll, pitch = float(np.arctan2(-f[1], -f[2])), float(np.arctan2(f[0], np.hypot(f[1], f[2])))
+    if standing_s <= 2.0:
+        return Level(roll, pitch, sd, f, None, True, ())
+    prior = model.axes("gyro_bias_sd")
+    rate = head.inc_theta_b.sum(axis=0) / length
+    noise = model.arw / np.sqrt(length)
+    sd_rate = np.full(3, np.hypot(noise, EARTH_RATE))
+    plausible = bool(np.all(np.abs(rate) < EARTH_RATE + 5.0 * np.hypot(prior, noise)))
+    notes = []
+    if not plausible:
+        notes.append(
+            f"at rest the gyroscopes read up to {np.degrees(np.max(np.abs(rate))) * 3600:.0f} deg/h; the error model "
+            "says "
+            f"biases of {np.degrees(np.max(prior)) * 3600:.3g} deg/h: choose the imu.grade of your sensor"
+        )
+    force_sd = np.max(model.axes("accel_bias_sd")) + STANDARD_GRAVITY * np.max(model.axes("accel_scale_sd"))
+    excess = float(np.linalg.norm(f)) - STANDARD_GRAVITY
+    if abs(excess) > 0.06 + 5.0 * force_sd:
+        notes.append(
+            f"at rest the specific force is {excess:+.3f} m/s^2 off gravity; the error model says {force_sd:.2g}: "
+            "choose the "
+            "imu.grade of your sensor"
+        )
+    bias = (rate, sd_rate) if np.all(sd_rate < prior) or (not plausible and np.any(prior > 0)) else None
+    return Level(roll, pitch, sd, f, bias, plausible, tuple(notes))
 
 
 def check_gravity(f_b: Array) -> None:

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from navfuse.analysis.plausibility import run_warnings
+from navfuse.data.result import Innovations, Result
+from navfuse.data.trajectory import Trajectory
+
+
+def result(scatter=1.0, rejected=0, source="gnss_position", slip_deg=0.0, wander_deg=0.0, speed=10.0, n=400):
+    """A run whose innovations are `scatter` times as large as claimed, and which moves `slip_deg` off its axis."""
+    rng = np.random.default_rng(1)
+    z = scatter * rng.standard_normal((n, 3))
+    z[:rejected] = 50.0
+    status = np.where(np.arange(n) < rejected, "rejected", "used")
+    innovations = Innovations(
+        time=np.arange(float(n)),
+        source=np.full(n, source),
+        status=status,
+        nis=(z**2).sum(axis=1),
+        dof=np.full(n, 3),
+        z=z,
+        sd=np.ones((n, 3)),
+        row=np.arange(n),
+    )
+    heading = np.linspace(0.0, 20.0, n)
+    course = heading + np.radians(slip_deg + wander_deg * rng.standard_normal(n))
+    velocity = speed * np.column_stack([np.cos(course), np.sin(course), np.zeros(n)])
+    attitude = np.column_stack([np.zeros((n, 2)), heading % (2.0 * np.pi)])
+    forward = Trajectory(np.arange(float(n)), np.zeros(n), np.zeros(n), np.zeros(n), velocity, attitude)
+    return Result(forward=forward, innovations=innovations)
+
+
+def test_a_sound_run_is_quiet():
+    assert run_warnings(result()) == []
+
+
+@pytest.mark.parametrize("scatter", [0.2, 1.4])
+def test_what_is_a_little_off_is_quiet(scatter):
+    assert run_warnings(result(scatter)) == []
+
+
+def test_innovations_larger_than_claimed():
+    (warning,) = run_warnings(result(3.0, rejected=8))
+    assert warning.startswith("innovations are larger than claimed: gnss_position 3.0 times (2.0 % rejected);")
+    assert "imu.time_offset_s" in warning
+
+
+def test_outliers_are_not_blamed_on_the_sigmas():
+    (warning,) = run_warnings(result(rejected=40))
+    assert warning.startswith("10.0 % of gnss_position rejected; what was used agrees with its standard deviations")
+
+
+def test_few_measurements_say_nothing():
+    assert run_warnings(result(30.0, n=8)) == []
+
+
+def test_windows_are_left_out():
+    assert run_warnings(result(3.0), exclude=[(0.0, 395.0)]) == []
+
+
+@pytest.mark.parametrize("slip_deg", [90.0, 180.0, -90.0, 30.0])
+def test_axes_turned_about_the_vertical(slip_deg):
+    (warning,) = run_warnings(result(slip_deg=slip_deg, wander_deg=2.0))
+    assert f"moves {slip_deg:.0f} deg off its forward axis" in warning.replace("-180 deg", "180 deg")
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [{"slip_deg": 10.0}, {"slip_deg": 90.0, "wander_deg": 40.0}, {"slip_deg": 90.0, "speed": 1.0}],
+    ids=["crabbing", "drifting about", "slow"],
+)
+def test_no_such_vehicle(motion):
+    assert run_warnings(result(**motion)) == []
+
+
+def test_a_trajectory_without_attitude_says_nothing_of_axes():
+    run = result(slip_deg=90.0)
+    bare = Trajectory(run.forward.time, run.forward.lat, run.forward.lon, run.forward.height)
+    assert run_warnings(Result(forward=bare, innovations=run.innovations)) == []
