@@ -260,12 +260,29 @@ def test_across_a_gap_rates_are_joined_by_the_trapezoid_alone():
 
 def test_across_a_gap_and_after_it_increments_stand_alone():
     log = random_log("increments", 10, seed=6, gap_at=4)
+    log.accel[:] = log.accel / np.linalg.norm(log.accel, axis=1)[:, None] * np.diff(log.time, prepend=99.995)[:, None]
     got, plain = to_increments(log, gap_s=0.1), to_increments(log)
     assert np.array_equal(got.inc_theta_b[3:5], log.gyro[4:6])
     assert np.array_equal(got.inc_v_b[3:5], log.accel[4:6])
     others = np.delete(np.arange(9), [3, 4])
     assert np.array_equal(plain.inc_theta_b[others], got.inc_theta_b[others])
     assert not np.array_equal(plain.inc_v_b[4], got.inc_v_b[4])
+
+
+def steady(lost: bool, whole: bool) -> ImuLog:
+    """Nine steps of 10 ms of a sensor that turns steadily at 1 g, five rows missing in the middle; the row behind them
+    covers its own step or the whole hole."""
+    time = np.delete(0.01 * np.arange(15), [6, 7, 8, 9, 10] if lost else [])
+    dt = np.diff(time, prepend=-0.01) if whole else np.full(time.size, 0.01)
+    return ImuLog(time, dt[:, None] * [0.1, -0.2, 0.3], dt[:, None] * [0.5, 0.0, -9.8], "increments")
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_rows_that_are_missing_are_bridged_and_long_rows_are_left_alone(whole):
+    got, full = to_increments(steady(True, whole)), to_increments(steady(False, False))
+    assert np.abs(got.inc_v_b.sum(axis=0) - full.inc_v_b.sum(axis=0)).max() < 1e-6
+    assert np.abs(got.inc_theta_b.sum(axis=0) - full.inc_theta_b.sum(axis=0)).max() < 1e-9
+    assert got.inc_v_b[5, 2] == pytest.approx(-9.8 * 0.06, abs=1e-6)
 
 
 @given(

@@ -153,7 +153,7 @@ class ErrorStateFilter:
         self._last = np.zeros(6)
         self._rejections = [[0, 0.0] for _ in self.sensors]
         self._linear = True
-        self._emitted = -np.inf
+        self._emitted = self._bridged = -np.inf
         self._held = np.zeros(3)
         self._moved = False
         self._first_velocity = self.nav[3:6].copy()
@@ -164,16 +164,21 @@ class ErrorStateFilter:
         self._out_next = int(np.ceil(self.time / period - 1e-6)) if period > 0 else 0
         self._F = np.empty((0, n))
         self._out = self.propagator.buffers(OUTPUT_ROWS if period >= 0 else 0, transitions=False)
-        self._gates = [self._gate(sensor) for sensor in self.sensors]
+        self._gates: list[dict[int, float]] = [{} for _ in self.sensors]
         self.record = FilterRecord(layout)
         self._hold_heading()
         self._keep_checkpoint(())
         if period == 0 or (period > 0 and abs(self._out_next * period - self.time) <= TIME_TOLERANCE):
             self._emit()
 
-    def _gate(self, sensor: AidingSensor) -> dict[int, float]:
-        p = self.settings.gate_probability if sensor.gate is None else sensor.gate
-        return {d: float(chdtri(d, 1.0 - p)) if p < 1.0 else np.inf for d in range(1, 13)}
+    def _gate(self, which: int, size: int) -> float:
+        """Largest normalised innovation squared that passes for a measurement of `size` values."""
+        known = self._gates[which]
+        if size not in known:
+            given = self.sensors[which].gate
+            p = self.settings.gate_probability if given is None else given
+            known[size] = float(chdtri(size, 1.0 - p)) if p < 1.0 else np.inf
+        return known[size] * max(1.0, self._scatter[which])
 
     def _rotate_start(self) -> None:
         C = np.kron(np.eye(3), np.array(dcm_en(self.nav[0], self.nav[1])).reshape(3, 3))
@@ -212,8 +217,7 @@ class ErrorStateFilter:
                 k += 1
             group = stops[first:k]
             at = self._advance(increments, at, t)
-            if any(is_gap for _, is_gap, _ in group):
-                self._inflate(increments, at)
+            self._bridge(increments, at, ended=any(is_gap for _, is_gap, _ in group))
             self._hold_heading()
             updates: list[Update] = []
             rows = [j for _, is_gap, j in group if not is_gap]
@@ -367,7 +371,7 @@ class ErrorStateFilter:
         n = self.layout.size
         K, S, Sinv, dx = np.empty((n, d)), np.empty((d, d)), np.empty((d, d)), np.empty(n)
         withheld = sensor.withheld(k)
-        gate = self._gates[which][d] * max(1.0, self._scatter[which])
+        gate = self._gate(which, d)
         nis = update(self.P, H, R, z, -1.0 if withheld else gate, self._held, K, S, Sinv, dx)
         if not np.isfinite(nis):
             raise FilterError(
@@ -449,18 +453,28 @@ class ErrorStateFilter:
                 'out of the range where its errors are linear; use [filter] feedback = "closed" with this sensor'
             )
 
-    def _inflate(self, increments: ImuIncrements, at: int) -> None:
-        gap = float(increments.time[at] - increments.time[at - 1])
+    def _bridge(self, increments: ImuIncrements, at: int, *, ended: bool) -> None:
+        """Enlarge the covariance by the part of a gap just crossed, at its end or at a measurement inside it."""
+        k = at - 1 if ended else at
+        if not 0 <= k < len(increments):
+            return
+        begin, end = float(increments.time[k]), float(increments.time[k + 1])
+        gap = end - begin
+        if gap <= self.settings.gap_s or self.time <= begin + TIME_TOLERANCE:
+            return
+        crossed = self.time - max(begin, self._bridged)
+        self._bridged = self.time
         share = min(1.0, gap / GAP_FULL_S)
-        q_angle = (self.settings.gap_gyro_sd * share * gap) ** 2
-        q_speed = (self.settings.gap_accel_sd * share * gap) ** 2
+        q_angle = (self.settings.gap_gyro_sd * share * crossed) ** 2
+        q_speed = (self.settings.gap_accel_sd * share * crossed) ** 2
         for i in range(3):
             self.P[6 + i, 6 + i] += q_angle
             self.P[3 + i, 3 + i] += q_speed
-            self.P[i, i] += 0.25 * gap**2 * q_speed
-            self.P[i, 3 + i] += 0.5 * gap * q_speed
-            self.P[3 + i, i] += 0.5 * gap * q_speed
-        self.record.gaps.append((float(increments.time[at - 1]), gap))
+            self.P[i, i] += 0.25 * crossed**2 * q_speed
+            self.P[i, 3 + i] += 0.5 * crossed * q_speed
+            self.P[3 + i, i] += 0.5 * crossed * q_speed
+        if ended:
+            self.record.gaps.append((begin, gap))
 
     def state(self) -> dict[str, Any]:
         """Everything that a filter of the same start, model, sensors and settings needs to go on from here, as plain
@@ -477,6 +491,7 @@ class ErrorStateFilter:
             "index": self._index,
             "out_next": self._out_next,
             "emitted": self._emitted,
+            "bridged": self._bridged,
             "linear": self._linear,
             "held": self._held.copy(),
             "moved": self._moved,
@@ -507,6 +522,7 @@ class ErrorStateFilter:
         self._index = int(state["index"])
         self._out_next = int(state["out_next"])
         self._emitted = float(state["emitted"])
+        self._bridged = float(state["bridged"])
         self._linear = bool(state["linear"])
         self._held = np.array(state["held"], dtype=float)
         self._moved = bool(state["moved"])
