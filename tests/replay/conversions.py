@@ -1,4 +1,4 @@
-"""Logs of other people as native tables: a folder with imu.parquet, gnss.parquet and, where there is one, truth.parquet."""
+"""Logs of other people as native tables: imu.parquet, gnss.parquet and truth.parquet in a folder."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def comma(source: Path, folder: Path) -> None:
     stamp, fix = load("GNSS", "live_gnss_ublox")
     zero = 46408.0
     write_imu(folder, time - zero, gyro, accel)
-    write_gnss(folder, stamp - zero, fix[:, [0, 1, 5]], (2.0, 2.0, 4.0))
+    write_gnss(folder, stamp - zero, fix[:, [0, 1, 4]], (2.0, 2.0, 4.0))
     pose = source / "global_pose"
     r, v = np.load(pose / "frame_positions"), np.load(pose / "frame_velocities")
     lat, lon, height = ecef_to_geodetic_batch(r)

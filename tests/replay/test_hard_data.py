@@ -1,4 +1,4 @@
-"""Data that are readable but hard: gaps, wrong settings, outliers, odd starts. A run is right, or says that it is not."""
+"""Data that are readable but hard: gaps, wrong settings, outliers, odd starts. The run is right or says that it is not."""
 
 from __future__ import annotations
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtri
 
 from navfuse.aiding.base import AidingSensor
 from navfuse.core.earth import dcm_en
@@ -16,7 +14,9 @@ from navfuse.data.layout import NAVIGATION_STATES, Layout
 from navfuse.data.nav_state import NavState, boxplus_navigation, corrected_rates, describe_rows, to_ecef, to_ned
 from navfuse.data.start import Start
 from navfuse.errors import ConfigError, FilterError
+from navfuse.filters.gate import Gate
 from navfuse.filters.record import LATE, REJECTED, RESET, USED, WITHHELD, Checkpoint, FilterRecord, Innovation, Update
+from navfuse.filters.settings import FilterSettings
 from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.increments import ImuIncrements
 from navfuse.imu.states import imu_blocks
@@ -34,48 +34,6 @@ MOVING_SPEED = 1.0
 LINEAR_ATTITUDE = np.radians(1.0)
 LINEAR_POSITION = 5000.0
 POLAR_LATITUDE = np.radians(89.95)
-SCATTER_GAIN = 0.02
-SCATTER_LIMIT = 10.0
-
-
-@dataclass(frozen=True, slots=True)
-class FilterSettings:
-    """How a filter works.
-
-    Attributes
-    ----------
-    ecef : bool
-        Mechanize in e instead of n.
-    open_loop : bool
-        Leave the inertial solution uncorrected and estimate its errors, instead of feeding the corrections back.
-    covariance_period : float [s]
-        Length of a covariance step; 0 = one per increment.
-    output_period : float [s]
-        Output at its multiples; 0 = at every stamp; negative = no output.
-    gate_probability : float
-        Share of good measurements that the chi-square gate lets pass; 1 = no gate.
-    reset_count, reset_s : int, float [s]
-        After this many rejections of one sensor in a row over at least this time the covariance is enlarged until the
-        next one passes.
-    gap_s : float [s]
-        An increment longer than this is a gap, in which samples are missing. Over 0.5 s and more the motion inside is
-        unknown by `gap_gyro_sd` [rad/s] and `gap_accel_sd` [m/s^2], over less by as much less: it had no time to
-        change.
-    checkpoints : bool
-        Keep what a smoother needs.
-    """
-
-    ecef: bool = False
-    open_loop: bool = False
-    covariance_period: float = 0.1
-    output_period: float = 0.1
-    gate_probability: float = 0.9999
-    reset_count: int = 10
-    reset_s: float = 3.0
-    gap_s: float = np.inf
-    gap_gyro_sd: float = np.radians(20.0)
-    gap_accel_sd: float = 2.0
-    checkpoints: bool = False
 
 
 class ErrorStateFilter:
@@ -151,34 +109,23 @@ class ErrorStateFilter:
         self.x = np.zeros(n)
         self._acc = self.propagator.accumulator()
         self._last = np.zeros(6)
-        self._rejections = [[0, 0.0] for _ in self.sensors]
         self._linear = True
         self._emitted = self._bridged = -np.inf
         self._held = np.zeros(3)
         self._moved = False
         self._first_velocity = self.nav[3:6].copy()
-        self._scatter = [1.0] * len(self.sensors)
         self._pointers = [int(np.searchsorted(sensor.times, self.time - TIME_TOLERANCE)) for sensor in self.sensors]
         self._index = 0
         period = settings.output_period
         self._out_next = int(np.ceil(self.time / period - 1e-6)) if period > 0 else 0
         self._F = np.empty((0, n))
         self._out = self.propagator.buffers(OUTPUT_ROWS if period >= 0 else 0, transitions=False)
-        self._gates: list[dict[int, float]] = [{} for _ in self.sensors]
+        self._gates = [Gate(sensor.gate, settings) for sensor in self.sensors]
         self.record = FilterRecord(layout)
         self._hold_heading()
         self._keep_checkpoint(())
         if period == 0 or (period > 0 and abs(self._out_next * period - self.time) <= TIME_TOLERANCE):
             self._emit()
-
-    def _gate(self, which: int, size: int) -> float:
-        """Largest normalised innovation squared that passes for a measurement of `size` values."""
-        known = self._gates[which]
-        if size not in known:
-            given = self.sensors[which].gate
-            p = self.settings.gate_probability if given is None else given
-            known[size] = float(chdtri(size, 1.0 - p)) if p < 1.0 else np.inf
-        return known[size] * max(1.0, self._scatter[which])
 
     def _rotate_start(self) -> None:
         C = np.kron(np.eye(3), np.array(dcm_en(self.nav[0], self.nav[1])).reshape(3, 3))
@@ -371,7 +318,8 @@ class ErrorStateFilter:
         n = self.layout.size
         K, S, Sinv, dx = np.empty((n, d)), np.empty((d, d)), np.empty((d, d)), np.empty(n)
         withheld = sensor.withheld(k)
-        gate = self._gate(which, d)
+        keeper = self._gates[which]
+        gate = keeper.limit(d)
         nis = update(self.P, H, R, z, -1.0 if withheld else gate, self._held, K, S, Sinv, dx)
         if not np.isfinite(nis):
             raise FilterError(
@@ -381,34 +329,21 @@ class ErrorStateFilter:
             )
         status = WITHHELD if withheld else USED if nis <= gate else REJECTED
         if not withheld:
-            self._watch(which, nis / d)
-        if status == REJECTED and self._overdue(which, time):
+            keeper.watch(nis / d)
+        if status == REJECTED and keeper.reject(time):
             self._loosen(1.01 * nis / gate)
             nis_after = update(self.P, H, R, z, np.inf, self._held, K, S, Sinv, dx)
             if not np.isfinite(nis_after):
                 raise FilterError(f"the covariance is no longer positive definite at {time:.3f} s")
             status = RESET
-            self._note_reset(sensor.name, which, time)
+            self._note_reset(sensor.name, keeper, time)
         if status in (USED, RESET):
-            self._rejections[which] = [0, 0.0]
+            keeper.accept()
             self._correct(dx)
             updates.append(Update(H, K, Sinv, z, dx[6:9].copy()))
         sd = np.sqrt(np.diagonal(S))
         self.record.innovations.append(Innovation(time, sensor.name, sensor.log_row(k), status, nis, z, sd))
         return False
-
-    def _watch(self, which: int, ratio: float) -> None:
-        """Follow how large the normalised innovations of a sensor really are, so that its gate fits sigmas that are
-        too small.
-        """
-        seen = self._scatter[which]
-        self._scatter[which] = seen + SCATTER_GAIN * (min(ratio, SCATTER_LIMIT * max(1.0, seen)) - seen)
-
-    def _overdue(self, which: int, time: float) -> bool:
-        count, since = self._rejections[which]
-        since = time if count == 0 else since
-        self._rejections[which] = [count + 1, since]
-        return count + 1 >= self.settings.reset_count and time - since >= self.settings.reset_s
 
     def _loosen(self, factor: float) -> None:
         """Add variance as if each state had wandered: by a factor, but no sensor state beyond its start, no attitude
@@ -422,10 +357,10 @@ class ErrorStateFilter:
         grow = np.clip(most / sd, 1.0, np.sqrt(factor))
         self.P[range(n), range(n)] *= grow**2
 
-    def _note_reset(self, name: str, which: int, time: float) -> None:
-        count, since = self._rejections[which]
+    def _note_reset(self, name: str, gate: Gate, time: float) -> None:
         self.record.notes.append(
-            f"{name}: {count} measurements in a row were rejected from {since:.1f} s to {time:.1f} s; the covariance "
+            f"{name}: {gate.rejections} measurements in a row were rejected from {gate.since:.1f} s to {time:.1f} s; "
+            "the covariance "
             "was enlarged to take the "
             "next one. Look at the settings of the inertial sensor, at time offsets and at the sigmas of the "
             "measurements."
@@ -477,31 +412,14 @@ class ErrorStateFilter:
             self.record.gaps.append((begin, gap))
 
     def state(self) -> dict[str, Any]:
-        """Everything that a filter of the same start, model, sensors and settings needs to go on from here, as plain
-        arrays.
-        """
-        return {
-            "time": self.time,
-            "nav": self.nav.copy(),
-            "s": self.s.copy(),
-            "x": self.x.copy(),
-            "P": self.P.copy(),
-            "acc": self._acc.copy(),
-            "last": self._last.copy(),
-            "index": self._index,
-            "out_next": self._out_next,
-            "emitted": self._emitted,
-            "bridged": self._bridged,
-            "linear": self._linear,
-            "held": self._held.copy(),
-            "moved": self._moved,
-            "first_velocity": self._first_velocity.copy(),
-            "pointers": np.array(self._pointers, dtype=np.int64),
-            "scatter": np.array(self._scatter),
-            "rejections": np.array(self._rejections, dtype=float).reshape(-1, 2),
-        }
+        """Everything that a filter of the same start, model, sensors and settings needs to go on from here.
 
-    def restore(self, state: dict[str, Any]) -> None:
+        Numbers and plain arrays, for ``numpy.savez`` or ``pickle``.
+        """
+        saved = {name.lstrip("_"): np.array(getattr(self, name)) for name in _SAVED}
+        return {**saved, "gates": np.array([gate.state() for gate in self._gates]).reshape(-1, 3)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from a saved :meth:`state`. The record starts empty.
 
         Raises
@@ -514,20 +432,30 @@ class ErrorStateFilter:
                 "the saved state belongs to a filter with other states or sensors; build the filter as it was when "
                 "saved"
             )
-        self.time = float(state["time"])
-        for name in ("nav", "s", "x", "P"):
-            setattr(self, name, np.array(state[name], dtype=float))
-        self._acc = np.array(state["acc"], dtype=float)
-        self._last = np.array(state["last"], dtype=float)
-        self._index = int(state["index"])
-        self._out_next = int(state["out_next"])
-        self._emitted = float(state["emitted"])
-        self._bridged = float(state["bridged"])
-        self._linear = bool(state["linear"])
-        self._held = np.array(state["held"], dtype=float)
-        self._moved = bool(state["moved"])
-        self._first_velocity = np.array(state["first_velocity"], dtype=float)
-        self._pointers = [int(k) for k in state["pointers"]]
-        self._scatter = [float(v) for v in state["scatter"]]
-        self._rejections = [[int(c), float(t)] for c, t in state["rejections"]]
+        for name in _SAVED:
+            value = np.array(state[name.lstrip("_")])
+            setattr(self, name, value if value.ndim else value.item())
+        self._pointers = [int(k) for k in self._pointers]
+        for gate, saved in zip(self._gates, state["gates"], strict=True):
+            gate.restore(saved)
         self.record = FilterRecord(self.layout)
+
+
+_SAVED = (
+    "time",
+    "nav",
+    "s",
+    "x",
+    "P",
+    "_acc",
+    "_last",
+    "_index",
+    "_out_next",
+    "_emitted",
+    "_bridged",
+    "_linear",
+    "_held",
+    "_moved",
+    "_first_velocity",
+    "_pointers",
+)
