@@ -16,8 +16,8 @@ from navfuse.imu.grades import GRADES
 from navfuse.imu.increments import ImuIncrements, to_increments
 from navfuse.simulation import car_drive, circle_flight, figure_eight_flight, gnss_fixes, simulate, static
 from reference.engine_runs import MEMS, cut, nav_at, perfect_increments, run_filter, start_at
-from reference.error_dynamics_twin import propagate_covariance
-from reference.navigation_algebra import error, position_e, rotation_en
+from reference.linear_filter_twin import dense_filter, to_e
+from reference.navigation_algebra import error
 
 FRAMES = pytest.mark.parametrize("ecef", [False, True], ids=["ned", "ecef"])
 LEVER = np.array([1.0, 4.0, -1.5])
@@ -38,47 +38,11 @@ def test_a_linear_run_equals_a_dense_filter(ecef):
     start = start_at(motion, 0.0, *SMALL_SD)
     options = FilterSettings(ecef=ecef, open_loop=True, covariance_period=0.0, gate_probability=1.0)
     filter_ = run_filter(start, MEMS, [GnssPosition(log, LEVER)], perfect_increments(motion, 100.0), options)
-
-    names = ("gyro_bias", "accel_bias", "gyro_scale", "accel_scale")
-    layout = filter_.layout
-    sd, tau, walk = (layout.per_state(a) for a in ("sd", "tau", "walk"))
-
-    def at(t):
-        state = motion.at(t)
-        return state.r_e[0], motion.C_eb(t), state.w_ib_b[0], state.f_b[0]
-
-    def to_e(t):
-        trajectory = motion.trajectory(np.array([t]))
-        return rotation_en(trajectory.lat[0], trajectory.lon[0])
-
-    P = np.zeros((21, 21))
-    P[:9, :9] = np.kron(np.eye(3), to_e(0.0)) @ start.P @ np.kron(np.eye(3), to_e(0.0)).T
-    P[range(9, 21), range(9, 21)] = sd**2
-    x, now = np.zeros(21), 0.0
-    for k, time in enumerate(log.time):
-        steps = np.linspace(now, time, round((time - now) / 0.02) + 1)
-        P, F = propagate_covariance(names, at, steps, P, (MEMS.arw**2, MEMS.vrw**2), sd**2, walk**2, 1.0 / tau)
-        x, now = F @ x, time
-        l_e = motion.C_eb(time) @ LEVER
-        H = np.zeros((3, 21))
-        H[:, :3] = np.eye(3)
-        H[:, 6:9] = -np.cross(np.eye(3), l_e)
-        C_en = to_e(time)
-        R = C_en @ np.diag(log.sd_position[k] ** 2) @ C_en.T
-        z = position_e(log.lat[k], log.lon[k], log.height[k]) - motion.r_e(time) - l_e
-        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
-        x = x + K @ (z - H @ x)
-        P = (np.eye(21) - K @ H) @ P @ (np.eye(21) - K @ H).T + K @ R @ K.T
-    steps = np.linspace(now, 20.0, round((20.0 - now) / 0.02) + 1)
-    P, F = propagate_covariance(names, at, steps, P, (MEMS.arw**2, MEMS.vrw**2), sd**2, walk**2, 1.0 / tau)
-    x = F @ x
-
-    turn = np.eye(21)
-    if not ecef:
-        turn[:9, :9] = np.kron(np.eye(3), to_e(20.0))
-    expected = np.sqrt(np.diagonal(P))
-    assert np.abs((turn @ filter_.x - x) / expected).max() < 2e-3
-    assert np.abs((turn @ filter_.P @ turn.T - P) / np.outer(expected, expected)).max() < 2e-3
+    dense = dense_filter(motion, log, LEVER, start.P, MEMS, filter_.layout)
+    turn = np.eye(21) if ecef else to_e(motion, 20.0, 21)
+    expected = np.sqrt(np.diagonal(dense.P[-1]))
+    assert np.abs((turn @ filter_.x - dense.x[-1]) / expected).max() < 2e-3
+    assert np.abs((turn @ filter_.P @ turn.T - dense.P[-1]) / np.outer(expected, expected)).max() < 2e-3
 
 
 def navigation_grade_runs(**options):

@@ -14,6 +14,7 @@ OVERCONFIDENT = 1.5
 REJECTED_SHARE = 0.05
 FEWEST = 10
 """Measurements below which nothing is concluded."""
+SILENT_S = 10.0
 SIDEWAYS = np.radians(20.0)
 FAST = 3.0
 CONCENTRATED = 0.95
@@ -56,7 +57,27 @@ def run_warnings(result: Result, exclude: Sequence[tuple[float, float]] = ()) ->
             f"{' and '.join(outliers)} rejected; what was used agrees with its standard deviations, so these were"
             " outliers of the receiver, or the run lost its way for a while: see the innovations"
         )
-    return found + _sideways(result)
+    return found + _silence(result, exclude) + _sideways(result)
+
+
+def _silence(result: Result, exclude: Sequence[tuple[float, float]]) -> list[str]:
+    """The longest stretch without any used measurement, unless it was asked for."""
+    records, best = result.innovations, result.trajectory
+    used = np.unique(records.time[np.isin(records.status, ("used", "reset"))])
+    if used.size <= FEWEST or not len(best):
+        return []
+    edges = np.concatenate([[best.time[0]], used[(used > best.time[0]) & (used < best.time[-1])], [best.time[-1]]])
+    length = np.diff(edges)
+    for start, end in exclude:
+        length -= np.clip(np.minimum(edges[1:], end) - np.maximum(edges[:-1], start), 0.0, None)
+    k = int(np.argmax(length))
+    if length[k] < max(SILENT_S, 10.0 * float(np.median(np.diff(used)))):
+        return []
+    sd = ""
+    if best.sd_position is not None:
+        inside = (best.time >= edges[k]) & (best.time <= edges[k + 1])
+        sd = f"; the standard deviation grows to {np.max(np.hypot(*best.sd_position[inside, :2].T)):.3g} m horizontally"
+    return [f"no fix was used from {edges[k]:.1f} s to {edges[k + 1]:.1f} s: inertial navigation alone{sd}"]
 
 
 def _sideways(result: Result) -> list[str]:
@@ -74,6 +95,5 @@ def _sideways(result: Result) -> list[str]:
         return []
     return [
         f"the vehicle moves {np.degrees(np.angle(mean)):.0f} deg off its forward axis all the time: if it drives, "
-        "imu.axes or "
-        "imu.rotation is turned about the vertical (position is right all the same, heading and lever arm are not)"
+        "imu.axes or imu.rotation is turned about the vertical (position is right all the same, heading and lever arm are not)"
     ]
