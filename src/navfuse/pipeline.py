@@ -33,7 +33,8 @@ from navfuse.filters.ekf import ErrorStateFilter, FilterSettings
 from navfuse.filters.record import collect
 from navfuse.imu.alignment import Alignment, align
 from navfuse.imu.error_model import ImuErrorModel
-from navfuse.imu.increments import MISSING_STEPS, ImuIncrements, to_increments
+from navfuse.imu.gaps import change_over, gap_limit, without_false_start
+from navfuse.imu.increments import ImuIncrements, to_increments
 from navfuse.io.gnss_table import read_gnss
 from navfuse.io.imu_table import read_imu
 from navfuse.smoothers.rts import SmoothedRun, smooth
@@ -85,6 +86,7 @@ def process(
             imu, gnss = read_logs(project)
         with clock("increments"):
             increments = cut(to_increments(imu, gap_limit(imu.time)), project.filter.until_s)
+            increments = without_false_start(increments)
         model = project.imu_error_model()
         runs = []
         for k, piece in enumerate(_pieces(increments, project)):
@@ -179,11 +181,6 @@ def read_logs(project: Project) -> tuple[ImuLog, GnssLog | None]:
     return imu, replace(gnss, sd_position=sd_position, sd_velocity=sd_velocity)
 
 
-def gap_limit(time: Array) -> float:
-    """Step between inertial stamps from which samples are missing [s]: one and a half usual ones."""
-    return MISSING_STEPS * float(np.median(np.diff(time))) if time.size > 1 else np.inf
-
-
 def cut(increments: ImuIncrements, until_s: float | None) -> ImuIncrements:
     """Increments up to a time."""
     if until_s is None or until_s >= increments.time[-1]:
@@ -235,16 +232,22 @@ def gnss_sensors(project: Project, gnss: GnssLog | None) -> list[AidingSensor]:
     return sensors
 
 
-def filter_settings(project: Project, gap_s: float) -> FilterSettings:
+def filter_settings(project: Project, gap_s: float, increments: ImuIncrements) -> FilterSettings:
     """Settings of the filter as the project says."""
     rate, output = project.filter.covariance_rate_hz, project.output.rate_hz
     default = FilterSettings()
+    longest = float(increments.dt.max())
+    gap_gyro_sd, gap_accel_sd = default.gap_gyro_sd, default.gap_accel_sd
+    if longest > gap_s:
+        gap_gyro_sd, gap_accel_sd = change_over(increments, longest)
     return FilterSettings(
         ecef=project.filter.frame == "ecef",
         open_loop=project.filter.feedback == "open",
         covariance_period=default.covariance_period if rate is None else 1.0 / rate if rate > 0 else 0.0,
         output_period=1.0 / output if output > 0 else 0.0,
         gap_s=gap_s,
+        gap_gyro_sd=gap_gyro_sd,
+        gap_accel_sd=gap_accel_sd,
         checkpoints=project.smoother.method == "rts",
     )
 
@@ -314,7 +317,10 @@ def _run_piece(
     gap_s = gap_limit(increments.time)
     with clock("filter"):
         estimator = ErrorStateFilter(
-            alignment.start, model, [*gnss_sensors(project, gnss), *sensors], filter_settings(project, gap_s)
+            alignment.start,
+            model,
+            [*gnss_sensors(project, gnss), *sensors],
+            filter_settings(project, gap_s, increments),
         )
         for at in range(0, len(increments), BLOCK_SAMPLES):
             stop = min(at + BLOCK_SAMPLES, len(increments))

@@ -135,14 +135,18 @@ def test_columns_of_the_innovations_are_documented():
 @pytest.mark.parametrize("quantity", UNITS)
 def test_every_unit_is_documented(quantity):
     row = next(
-        line for line in (DOCS / "file-formats.md").read_text().splitlines() if line.startswith(f"| {quantity} |")
+        line
+        for line in (DOCS / "file-formats.md").read_text(encoding="utf-8").splitlines()
+        if line.startswith(f"| {quantity} |")
     )
     assert re.findall(r"`(\w+)`", row) == list(UNITS[quantity])
 
 
 @pytest.mark.parametrize("fix", [fix for fix in DEFAULT_SD_POSITION if fix])
 def test_default_deviations_of_fixes_are_documented(fix):
-    rows = [line for line in (DOCS / "file-formats.md").read_text().splitlines() if line.startswith("| `")]
+    rows = [
+        line for line in (DOCS / "file-formats.md").read_text(encoding="utf-8").splitlines() if line.startswith("| `")
+    ]
     row = next(line for line in rows if f"`{fix}`" in line and line.endswith(" m |"))
     assert tuple(map(float, re.findall(r"[\d.]+", row.split("|")[2]))) == DEFAULT_SD_POSITION[fix]
 

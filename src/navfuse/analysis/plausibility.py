@@ -95,5 +95,6 @@ def _sideways(result: Result) -> list[str]:
         return []
     return [
         f"the vehicle moves {np.degrees(np.angle(mean)):.0f} deg off its forward axis all the time: if it drives, "
-        "imu.axes or imu.rotation is turned about the vertical (position is right all the same, heading and lever arm are not)"
+        "imu.axes or imu.rotation is turned about the vertical (position is right all the same, heading and lever "
+        "arm are not)"
     ]

@@ -45,6 +45,9 @@ UNKNOWN_HEADING_SD = np.pi / np.sqrt(3.0)
 WINDOWS_S = (5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0)
 SEARCH_S = 1800.0
 ANCHOR_STEP_S = 60.0
+CLEAR_MODULUS_SD = 0.1
+CLEAR_WINDOW_S = 30.0
+CONTRADICTIONS = 6
 GOOD_HEADING_SD = np.radians(1.5)
 USABLE_HEADING_SD = np.radians(10.0)
 
@@ -230,12 +233,6 @@ def _heading(
     if gnss is None or found.sd < GOOD_HEADING_SD:
         return found
     fit = _motion_heading(rest, gnss, model, lever_b, roll, pitch, sd_level, bias)
-    if fit is not None and abs(fit.modulus - 1.0) > 0.5 + 4.0 * fit.sd_modulus:
-        raise AlignmentError(
-            f"the motion seen by the inertial sensor is {fit.modulus:.2f} times that seen by GNSS; check the units "
-            "and axes of the inertial data and "
-            "the time offset between the logs"
-        )
     if fit is not None and TWICE_USED * fit.sd < found.sd and fit.sd < USABLE_HEADING_SD:
         return _Found(fit.heading, TWICE_USED * fit.sd + np.radians(0.3), "motion", fit)
     if found.source == "unknown":
@@ -264,6 +261,7 @@ def _motion_heading(
     rate_sd = float(np.max(bias[1] if bias is not None else model.axes("gyro_bias_sd"))) + EARTH_RATE
     sd_c1 = STANDARD_GRAVITY * sd_level + float(np.max(model.axes("accel_bias_sd"))) + 0.02
     best: HeadingFit | None = None
+    contradictions: list[HeadingFit] = []
     for anchor in np.arange(max(begin, begin + standing - 3.0), min(end, begin + standing + SEARCH_S), ANCHOR_STEP_S):
         first = int(np.searchsorted(rest.time, anchor))
         q_lb = np.array(_carry(rest.inc_theta_b[:first], rest.dt[:first], quat_from_euler(roll, pitch, 0.0), gyro_bias))
@@ -278,12 +276,23 @@ def _motion_heading(
             fit = fit_heading(piece, q_lb, gyro_bias, lever_b, time, values, sd, positions, *priors)
             if fit is None:
                 continue
+            if abs(fit.modulus - 1.0) > 0.5 + 4.0 * fit.sd_modulus:
+                if fit.sd_modulus < CLEAR_MODULUS_SD and window <= CLEAR_WINDOW_S:
+                    contradictions.append(fit)
+                continue
             fit = replace(fit, sd=float(np.sqrt(fit.sd**2 + drift**2 + (0.5 * rate_sd * window) ** 2)))
             best = fit if best is None or fit.sd < best.sd else best
             if best.sd < GOOD_HEADING_SD:
                 return best
         if best is not None and best.sd < USABLE_HEADING_SD:
             return best
+    if best is None and len(contradictions) >= CONTRADICTIONS:
+        modulus = float(np.median([fit.modulus for fit in contradictions]))
+        raise AlignmentError(
+            f"the motion seen by the inertial sensor is {modulus:.2f} times that seen by GNSS; check the units and "
+            "axes of "
+            "the inertial data and the time offset between the logs"
+        )
     return best
 
 
