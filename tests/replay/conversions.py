@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from navfuse.core.earth import ecef_to_geodetic_batch, geodetic_to_ecef
+from navfuse.core.earth import dcm_en, ecef_to_geodetic_batch, geodetic_to_ecef, geodetic_to_ecef_batch
+from navfuse.core.rotation import dcm_from_quat_batch, quat_from_dcm, quat_from_euler_batch
 from navfuse.io.tables import write_table
+from navfuse.simulation import Motion
 
 Array = np.ndarray
 
@@ -152,3 +154,15 @@ def comma(source: Path, folder: Path) -> None:
     write_truth(
         folder, np.load(pose / "frame_times") - zero, np.column_stack([np.degrees(lat), np.degrees(lon), height]), v_n
     )
+
+
+def groves(source: Path, number: int) -> Motion:
+    """The motion of one of Groves's profiles: time, latitude, longitude [deg], height, velocity, attitude [deg] at 100 Hz."""
+    rows = np.loadtxt(source / f"Profile_{number}.csv", delimiter=",")[::10]
+    lat, lon = np.radians(rows[:, 1]), np.radians(rows[:, 2])
+    q_nb = quat_from_euler_batch(np.radians(rows[:, 7:10]))
+    q_eb = np.empty_like(q_nb)
+    for k in range(lat.size):
+        C_eb = np.array(dcm_en(lat[k], lon[k])).reshape(3, 3) @ dcm_from_quat_batch(q_nb[k : k + 1])[0]
+        q_eb[k] = quat_from_dcm(tuple(C_eb.ravel()))
+    return Motion.from_knots(rows[:, 0], geodetic_to_ecef_batch(lat, lon, rows[:, 3]), q_eb)

@@ -28,9 +28,6 @@ def test_a_sound_project(job):
     assert done.measurements()["verdict"] == "consistent"
 
 
-# columns
-
-
 @pytest.mark.parametrize("name", IMU_FILES)
 def test_imu_column_missing(job, name):
     job.imu = job.imu.drop(columns="gyro_y_radps")
@@ -75,9 +72,6 @@ def test_known_units_are_converted(job):
     done = job.done()
     assert done.outcome.err == ""
     np.testing.assert_allclose(done.trajectory().lat, sound.lat, atol=1e-12)
-
-
-# files
 
 
 @pytest.mark.parametrize("name", ["imu.parquet", "imu.csv", "gnss.csv", "gnss.parquet", "gnss.pos"])
@@ -168,9 +162,6 @@ def refused_as_written(job, path, *words):
     for word in words:
         assert word in outcome.err
     assert not job.output.exists()
-
-
-# values
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e12])
@@ -305,9 +296,6 @@ def test_milliseconds_in_a_column_of_seconds(job):
     job.refused("imu.parquet", "time_s", "_ms")
 
 
-# time
-
-
 @pytest.mark.parametrize("table", ["imu", "gnss"])
 def test_rows_out_of_order_are_sorted(job, table):
     sound = job.done().trajectory()
@@ -362,62 +350,3 @@ def test_few_fixes(job, count, code):
     outcome = job.run()
     assert outcome.code == code, outcome.err
     assert ("1 usable fix" in outcome.err) == (count == 1)
-
-
-# project file
-
-
-@pytest.mark.parametrize(
-    ("section", "key", "meant"),
-    [("imu", "axis", "imu.axes"), ("gnss", "leverarm_m", "gnss.lever_arm_m"), ("filter", "fram", "filter.frame")],
-)
-def test_misspelt_key(job, section, key, meant):
-    job.set(section, **{key: "FRD"}).refused("project.toml", f"{section}.{key}", f"did you mean {meant}?")
-
-
-def test_misspelt_section(job):
-    job.set("smother", method="none").refused("project.toml", "smother", "did you mean [smoother]?")
-
-
-@pytest.mark.parametrize(
-    ("section", "key", "value", "words"),
-    [
-        ("imu", "axes", "FRU", ("left-handed", "FRD")),
-        ("imu", "axes", "FFD", ("one direction twice",)),
-        ("imu", "axes", "XYZ", ("three letters",)),
-        ("imu", "rotation", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]], ("determinant -1",)),
-        ("imu", "rotation", [[2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], ("not orthonormal",)),
-        ("imu", "grade", "tacticle", ("tactical",)),
-        ("gnss", "lever_arm_m", [1.0, 2.0], ("list of 3 numbers",)),
-        ("gnss", "outages_s", [[55.0, 40.0]], ("must end after it starts",)),
-        ("gnss", "sd_scale", 0.0, ("> 0",)),
-        ("start", "lat_deg", 48.0, ("start.lon_deg", "missing")),
-        ("start", "sd_attitude_deg", [1.0, 1.0, 1.0], ("start.roll_deg",)),
-        ("filter", "frame", "enu", ("ned", "ecef")),
-        ("output", "formats", ["xlsx"], ("parquet", "csv")),
-    ],
-)
-def test_a_value_that_cannot_be(job, section, key, value, words):
-    job.set(section, **{key: value}).refused("project.toml", section, *words)
-
-
-def test_not_toml(job):
-    path = job.write()
-    path.write_text("[imu]\nfile = imu.parquet\n")
-    outcome = run_as_written(path)
-    assert (outcome.code, outcome.out) == (1, "")
-    assert "line 2" in outcome.err
-
-
-@pytest.mark.parametrize("time_s", [-5.0, 500.0])
-def test_a_start_outside_the_log(job, time_s):
-    job.set("start", time_s=time_s).refused("time_s", "0.000 to 120.000 s")
-
-
-def test_an_end_before_the_log(job):
-    job.set("filter", until_s=-3.0).refused("until_s")
-
-
-def test_a_start_without_gnss_has_to_be_whole(job):
-    job.set("gnss", file=None, lever_arm_m=None)
-    job.set("start", lat_deg=45.8, lon_deg=11.5, height_m=100.0).refused("heading_deg")

@@ -186,10 +186,15 @@ def _start_time(increments: ImuIncrements, gnss: GnssLog | None, known: Known) -
         return begin
     inside = gnss.time[(gnss.time >= begin - 1e-6) & (gnss.time <= end)]
     if inside.size == 0:
+        advice = "check that both use the same time scale and see time_offset_s"
+        if gnss.source.lower().endswith(".pos"):
+            advice = (
+                "times of a .pos file count from its GPS week; set gnss.epoch_week_s to what the IMU times count from"
+            )
         raise AlignmentError(
             f"inertial data ({begin:.3f} to {end:.3f} s) and GNSS fixes ({gnss.time[0]:.3f} to {gnss.time[-1]:.3f} "
-            "s) do not overlap; "
-            "check that both use the same time scale and see time_offset_s"
+            "s) do "
+            f"not overlap; {advice}"
         )
     if known.position is not None:
         return begin

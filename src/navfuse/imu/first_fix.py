@@ -97,7 +97,11 @@ def first_position(
 def _fix_velocity(gnss: GnssLog, r: Array, C_en: Array, k: int, time: float, standing_s: float) -> tuple[Array, Array]:
     """Velocity [m/s] of the antenna at fix `k` in n, and its standard deviation."""
     if standing_s > 0:
-        return np.zeros(3), np.full(3, 0.1)
+        sd = 0.1
+        if gnss.velocity_n is None:
+            still = np.flatnonzero((gnss.time >= time - 1e-6) & (gnss.time <= time + standing_s))
+            sd = max(sd, min(3.0, _slope(gnss, still)[1]))
+        return np.zeros(3), np.full(3, sd)
     if gnss.velocity_n is not None and gnss.sd_velocity is not None and np.isfinite(gnss.velocity_n[k]).all():
         return gnss.velocity_n[k].copy(), TWICE_USED * gnss.sd_velocity[k] + 2.0 * abs(gnss.time[k] - time)
     near = np.flatnonzero(np.abs(gnss.time - gnss.time[k]) <= 2.0)
@@ -118,6 +122,24 @@ def _fix_velocity(gnss: GnssLog, r: Array, C_en: Array, k: int, time: float, sta
     return slope, TWICE_USED * sd + 0.5 * float(np.ptp(t)) + 0.1
 
 
+def _slope(gnss: GnssLog, rows: Array) -> tuple[float, float]:
+    """Horizontal speed [m/s] of a straight line through fixes, and its standard deviation; (0, inf) for fewer than
+    three.
+    """
+    if rows.size < 3:
+        return 0.0, np.inf
+    t = gnss.time[rows] - np.mean(gnss.time[rows])
+    spread = float(t @ t)
+    speed = float(np.linalg.norm(t @ north_east(gnss, rows)) / spread)
+    return speed, float(np.max(gnss.sd_position[rows, :2]) / np.sqrt(spread))
+
+
+def moves_steadily(gnss: GnssLog, rows: Array) -> bool:
+    """Whether the first ten of some fixes lie along a line that they walk, however slowly."""
+    speed, sd = _slope(gnss, rows[:10])
+    return speed > 0.3 + 4.0 * sd
+
+
 def _agreed_position(gnss: GnssLog, r: Array, C_en: Array, k: int, time: float, velocity: Array) -> tuple[Array, float]:
     """ECEF position of the antenna at `time` by fix `k`, or by its neighbours if they agree that it is an outlier.
 
@@ -129,7 +151,8 @@ def _agreed_position(gnss: GnssLog, r: Array, C_en: Array, k: int, time: float, 
     room = 5.0 * np.max(gnss.sd_position[near]) + 2.5 * float(np.max(dt**2)) + 5.0
     middle = np.median(places, axis=0)
     if near.size >= 3 and np.linalg.norm(places[0] - middle) > room:
-        return r[k] + C_en @ middle, room
+        distance = np.linalg.norm(places - middle, axis=1)
+        return r[k] + C_en @ middle, 1.5 * float(np.median(distance[distance < room]))
     return r[k] + C_en @ places[0], 0.0
 
 

@@ -10,7 +10,7 @@ from navfuse.core.constants import EARTH_RATE, STANDARD_GRAVITY
 from navfuse.data.logs import GnssLog
 from navfuse.errors import AlignmentError
 from navfuse.imu.error_model import ImuErrorModel
-from navfuse.imu.first_fix import north_east
+from navfuse.imu.first_fix import moves_steadily, north_east
 from navfuse.imu.increments import ImuIncrements
 
 Array = np.ndarray
@@ -50,6 +50,8 @@ def gnss_standing_time(gnss: GnssLog, begin: float) -> float:
     if gnss.velocity_n is not None and gnss.sd_velocity is not None:
         speed = np.linalg.norm(gnss.velocity_n[k, :2], axis=1)
         moving |= speed > 0.15 + 3.5 * np.max(gnss.sd_velocity[k, :2], axis=1)
+    elif moves_steadily(gnss, k):
+        return 0.0
     offsets = north_east(gnss, k)
     away = np.linalg.norm(offsets - np.median(offsets[:5], axis=0), axis=1)
     sd = np.max(gnss.sd_position[k, :2], axis=1)

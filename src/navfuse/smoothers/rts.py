@@ -29,7 +29,7 @@ from navfuse.data.nav_state import describe_rows
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
 from navfuse.filters.ekf import ErrorStateFilter
-from navfuse.filters.record import trajectory_from_rows
+from navfuse.filters.record import Checkpoint, trajectory_from_rows
 from navfuse.imu.increments import ImuIncrements
 from navfuse.mechanization.propagate import TIME_TOLERANCE, identity_transition
 
@@ -45,6 +45,8 @@ class SmoothedRun:
     Attributes
     ----------
     trajectory : Trajectory
+    start : (18,) array
+        Smoothed navigation state where the filter began, as :func:`navfuse.data.nav_state.describe_rows` gives it.
     state_time : (m,) array [s]
         Times of the filter's events.
     state_value, state_sd : (m, n - 9) arrays
@@ -52,6 +54,7 @@ class SmoothedRun:
     """
 
     trajectory: Trajectory
+    start: Array
     state_time: Array
     state_value: Array
     state_sd: Array
@@ -284,7 +287,10 @@ def smooth(
     if progress is not None:
         progress(1.0)
     trajectory = trajectory_from_rows(times[::-1], pieces[::-1], "smoothed")
-    return SmoothedRun(trajectory, np.array(value_times[::-1]), np.array(values[::-1]), np.array(deviations[::-1]))
+    start = _smoothed_row(record.checkpoints[0], lam, Lam, work, settings.ecef)
+    return SmoothedRun(
+        trajectory, start, np.array(value_times[::-1]), np.array(values[::-1]), np.array(deviations[::-1])
+    )
 
 
 def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, pool, times, pieces) -> None:
@@ -321,12 +327,15 @@ def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, pool
             times.append(time[:rows].copy())
             pieces.append(out)
     if at_checkpoint is not None and t_end > checkpoint.time + TIME_TOLERANCE:
-        x_s, P_s = np.zeros((1, 9)), np.empty((1, 9, 9))
-        _smooth_rows(checkpoint.x[None], checkpoint.P[None, :9], lam, Lam, 0, x_s, P_s, work)
-        out = np.empty((1, 18))
-        describe_rows(checkpoint.nav[None], x_s, P_s, settings.ecef, out)
         times.append(np.array([at_checkpoint]))
-        pieces.append(out)
+        pieces.append(_smoothed_row(checkpoint, lam, Lam, work, settings.ecef)[None])
+
+
+def _smoothed_row(checkpoint: Checkpoint, lam: Array, Lam: Array, work: Array, ecef: bool) -> Array:
+    x_s, P_s, out = np.empty((1, 9)), np.empty((1, 9, 9)), np.empty((1, 18))
+    _smooth_rows(checkpoint.x[None], checkpoint.P[None, :9], lam, Lam, 0, x_s, P_s, work)
+    describe_rows(checkpoint.nav[None], x_s, P_s, ecef, out)
+    return out[0]
 
 
 def _outputs_from(time: float, period: float, increments: ImuIncrements) -> tuple[int, float | None]:
