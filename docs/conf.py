@@ -31,13 +31,18 @@ html_title = f"navfuse {release}"
 
 
 def _project_file_keys() -> str:
-    """A table of every key of the project file, made from the model that checks it."""
-    lines = ["| key | unit | takes | default | meaning |", "| --- | --- | --- | --- | --- |"]
+    """Every key of the project file with its meaning, made from the model that checks it."""
+    lines, section = [], ""
     for entry in help_keys():
-        default = f"`{entry.default}`" if entry.default and entry.default != "required" else entry.default
-        cells = (f"`{entry.key}`", entry.unit, entry.type, default, entry.description)
-        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return "\n".join(lines) + "\n"
+        if entry.key.split(".")[0] != section:
+            section = entry.key.split(".")[0]
+            lines += [f"### `[{section}]`", ""]
+        unit = f" [{entry.unit}]" if entry.unit else ""
+        default = (
+            "; required" if entry.default == "required" else f"; default `{entry.default}`" if entry.default else ""
+        )
+        lines += [f"`{entry.key}`{unit}", f": {entry.type}{default}.", f"  {entry.description}", ""]
+    return "\n".join(lines)
 
 
 def setup(app) -> None:

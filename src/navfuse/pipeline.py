@@ -24,29 +24,26 @@ from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
 from navfuse.analysis.plausibility import run_warnings
 from navfuse.analysis.summary import summarize_run
 from navfuse.config import Project, load_project
-from navfuse.core.rotation import quat_from_euler
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.result import Result
-from navfuse.data.start import Known, euler_axes
+from navfuse.data.start import Known
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import AlignmentError, FilterError, NavfuseWarning
 from navfuse.filters.ekf import ErrorStateFilter, FilterSettings
 from navfuse.filters.record import collect
 from navfuse.imu.alignment import Alignment, align
 from navfuse.imu.error_model import ImuErrorModel
-from navfuse.imu.first_fix import TWICE_USED
 from navfuse.imu.gaps import change_over, gap_limit, without_false_start
 from navfuse.imu.increments import ImuIncrements, to_increments
 from navfuse.io.gnss_table import read_gnss
 from navfuse.io.imu_table import read_imu
 from navfuse.smoothers.rts import SmoothedRun, smooth
+from navfuse.smoothers.start import improve_start
 
 Array = np.ndarray
 Progress = Callable[[str, float], None]
 
 BLOCK_SAMPLES = 50_000
-ROUGH_HEADING_SD, ROUGH_LEVEL_SD, MIN_ATTITUDE_SD = np.radians([4.0, 1.5, 0.3])
-REFINE_S = 120.0
 SILENT_GAP_S = 0.1
 """Inside a longer gap no epochs are put out."""
 
@@ -323,7 +320,7 @@ def _run_piece(
     sources = [*gnss_sensors(project, gnss), *sensors]
     if not settings.open_loop:
         with clock("alignment"):
-            alignment = refine(alignment, increments, model, sources, settings)
+            alignment = improve_start(alignment, increments, model, sources, settings)
     with clock("filter"):
         estimator = ErrorStateFilter(alignment.start, model, sources, settings)
         for at in range(0, len(increments), BLOCK_SAMPLES):
@@ -335,35 +332,6 @@ def _run_piece(
         with clock("smoother"):
             smoothed = smooth(estimator, increments, progress=lambda fraction: tell("smoother", fraction))
     return _Run(alignment, estimator, smoothed)
-
-
-def refine(
-    alignment: Alignment,
-    increments: ImuIncrements,
-    model: ImuErrorModel,
-    sensors: list[AidingSensor],
-    settings: FilterSettings,
-) -> Alignment:
-    """Improve a start whose heading or level is rough by smoothing the first two minutes once.
-
-    The filter then begins near the truth, where its errors are linear. Its standard deviations become three times
-    those of the smoother, since it is going to use the same measurements again.
-    """
-    start = alignment.start
-    sd = np.sqrt(np.diagonal(start.P)[6:9])
-    known = alignment.heading_source in ("motion", "course")
-    if not known or (sd[2] < ROUGH_HEADING_SD and max(sd[:2]) < ROUGH_LEVEL_SD):
-        return alignment
-    last = int(np.searchsorted(increments.time, increments.time[0] + REFINE_S))
-    head = increments.piece(0, min(last, len(increments)))
-    trial = ErrorStateFilter(start, model, sensors, replace(settings, output_period=-1.0, checkpoints=True))
-    trial.feed(head)
-    row = smooth(trial, head).start
-    nav = np.concatenate([row[:6], quat_from_euler(*row[6:9])])
-    J = euler_axes(*row[6:9])
-    P = start.P.copy()
-    P[6:9, 6:9] = J @ np.diag(np.maximum(TWICE_USED * row[15:18], MIN_ATTITUDE_SD) ** 2) @ J.T
-    return replace(alignment, start=replace(start, nav=nav, P=P))
 
 
 def _without_outages(gnss: GnssLog | None, project: Project) -> GnssLog | None:

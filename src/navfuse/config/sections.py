@@ -315,7 +315,7 @@ class FilterConfig(Section):
 
     estimator: Literal["ekf", "ukf"] = key("ekf", "", "Kind of filter: 'ekf', the error-state extended Kalman filter.")
     frame: Literal["ned", "ecef"] = key(
-        "ned", "", "Where to mechanize: 'ned' (not within metres of a pole) or 'ecef' (anywhere)."
+        "ned", "", "Where to mechanize: 'ned' (not within 0.05 deg of a pole) or 'ecef' (anywhere)."
     )
     feedback: Literal["closed", "open"] = key(
         "closed",

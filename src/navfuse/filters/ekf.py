@@ -290,6 +290,13 @@ class ErrorStateFilter:
         self._moved = variance < HELD_HEADING_SD**2 or changed > MOVING_SPEED + 5.0 * sd
         if self._moved:
             self._held = np.zeros(3)
+            if variance >= HELD_HEADING_SD**2:
+                self.record.notes.append(
+                    f"the vehicle moves from {self.time:.1f} s on with a heading known to "
+                    f"{np.degrees(np.sqrt(variance)):.0f} "
+                    "deg only: the filter is not linear over such an error, its solution is not to be trusted before a "
+                    "heading is given"
+                )
             return
         self._held = down
         self._uncorrelate_held()
