@@ -35,6 +35,7 @@ from navfuse.imu.alignment import Alignment, align
 from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.gaps import change_over, gap_limit, without_false_start
 from navfuse.imu.increments import ImuIncrements, to_increments
+from navfuse.imu.turning import check_turns
 from navfuse.io.gnss_table import read_gnss
 from navfuse.io.imu_table import read_imu
 from navfuse.smoothers.rts import SmoothedRun, smooth
@@ -88,6 +89,8 @@ def process(
         with clock("increments"):
             increments = cut(to_increments(imu, gap_limit(imu.time)), project.filter.until_s)
             increments = without_false_start(increments)
+            for note in check_turns(increments, gnss) if gnss is not None else ():
+                _warn(note)
         model = project.imu_error_model()
         runs = []
         for k, piece in enumerate(_pieces(increments, project)):

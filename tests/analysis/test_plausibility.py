@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from navfuse.analysis.plausibility import run_warnings
-from navfuse.data.result import Innovations, Result
+from navfuse.data.result import Innovations, Result, StateHistory
 from navfuse.data.trajectory import Trajectory
 
 
@@ -80,3 +80,20 @@ def test_a_trajectory_without_attitude_says_nothing_of_axes():
     run = result(slip_deg=90.0)
     bare = Trajectory(run.forward.time, run.forward.lat, run.forward.lon, run.forward.height)
     assert run_warnings(Result(forward=bare, innovations=run.innovations)) == []
+
+
+@pytest.mark.parametrize(("value", "told"), [(0.02, False), (0.12, True), (-0.12, True)])
+def test_a_scale_factor_that_no_sensor_has(value, told):
+    run = result()
+    values = np.array([[0.0, 0.0, 0.0], [0.001, value, 0.0]])
+    sd = np.array([[0.01, 0.01, 0.01], [0.001, 0.001, 0.001]])
+    states = {"accel_scale": StateHistory(np.array([0.0, 1.0]), values, sd)}
+    found = run_warnings(Result(forward=run.forward, innovations=run.innovations, states=states))
+    assert len(found) == told
+    assert not told or f"accel_scale {100.0 * value:+.1f} % where 1 % is usual" in found[0]
+
+
+def test_biases_may_wander():
+    run = result()
+    history = StateHistory(np.array([0.0, 1.0]), np.array([[0.0] * 3, [9.0] * 3]), np.full((2, 3), 0.1))
+    assert run_warnings(Result(forward=run.forward, innovations=run.innovations, states={"gyro_bias": history})) == []

@@ -1,4 +1,4 @@
-"""A dense Kalman filter, Rauch-Tung-Striebel smoother and batch estimate for a run whose inertial solution is the truth.
+"""A dense Kalman filter, smoother and batch estimate for a run whose inertial solution is the truth.
 
 With ideal sensors and an exact start an uncorrected inertial solution stays on the true motion, and what an open-loop
 filter estimates is linear in the measurements. Textbook matrices in e, NumPy only; see

@@ -1,4 +1,4 @@
-"""Beginnings of logs that a start has to be found in: standing, moving, reversing, flying, with and without velocity."""
+"""Beginnings of logs that a start has to be found in: standing, moving, reversing, flying."""
 
 from __future__ import annotations
 

@@ -157,7 +157,7 @@ def comma(source: Path, folder: Path) -> None:
 
 
 def groves(source: Path, number: int) -> Motion:
-    """The motion of one of Groves's profiles: time, latitude, longitude [deg], height, velocity, attitude [deg] at 100 Hz."""
+    """The motion of one of Groves's profiles: time, latitude, longitude [deg], height, velocity, attitude [deg]."""
     rows = np.loadtxt(source / f"Profile_{number}.csv", delimiter=",")[::10]
     lat, lon = np.radians(rows[:, 1]), np.radians(rows[:, 2])
     q_nb = quat_from_euler_batch(np.radians(rows[:, 7:10]))

@@ -105,18 +105,15 @@ def rmse(trajectory, truth, skip_s):
     return np.array([found[name].rms for name in COLUMNS])
 
 
-@pytest.mark.slow
 def test_car_forward_is_as_good_as_kf_gins(car_run, car_truth):
     assert car_run.summary["state_count"] == 21
     assert np.all(rmse(car_run.forward, car_truth, 120.0) <= 1.01 * np.array(KF_GINS))
 
 
-@pytest.mark.slow
 def test_car_smoothed_is_as_good_as_a_batch(car_run, car_truth):
     assert np.all(rmse(car_run.smoothed, car_truth, 120.0) <= BATCH)
 
 
-@pytest.mark.slow
 def test_car_is_consistent(car_run, car_truth):
     found = car_run.summary["measurements"]["gnss_position"]
     assert found["counts"]["used"] == 3601

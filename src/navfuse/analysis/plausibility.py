@@ -14,6 +14,8 @@ OVERCONFIDENT = 1.5
 REJECTED_SHARE = 0.05
 FEWEST = 10
 """Measurements below which nothing is concluded."""
+STRANGE = 8.0
+"""Multiple of its sigma beyond which a constant of the sensor is not believed."""
 SILENT_S = 10.0
 SIDEWAYS = np.radians(20.0)
 FAST = 3.0
@@ -57,7 +59,25 @@ def run_warnings(result: Result, exclude: Sequence[tuple[float, float]] = ()) ->
             f"{' and '.join(outliers)} rejected; what was used agrees with its standard deviations, so these were"
             " outliers of the receiver, or the run lost its way for a while: see the innovations"
         )
-    return found + _silence(result, exclude) + _sideways(result)
+    return found + _strange_states(result) + _silence(result, exclude) + _sideways(result)
+
+
+def _strange_states(result: Result) -> list[str]:
+    """Scale factors and cross-couplings far outside what the error model allowed: something else went into them."""
+    strange = []
+    for name, history in result.states.items():
+        if not name.endswith(("_scale", "_cross")) or not history.time.size:
+            continue
+        values, allowed = history.values[-1], history.sd[0]
+        k = int(np.argmax(np.abs(values) / allowed))
+        if abs(values[k]) > STRANGE * allowed[k]:
+            strange.append(f"{name} {100.0 * values[k]:+.1f} % where {100.0 * allowed[k]:.2g} % is usual")
+    if not strange:
+        return []
+    return [
+        f"sensor states far outside the error model: {', '.join(strange)}; look at the time offset between the logs"
+        " (imu.time_offset_s), imu.grade and the units of the inertial data"
+    ]
 
 
 def _silence(result: Result, exclude: Sequence[tuple[float, float]]) -> list[str]:

@@ -31,8 +31,8 @@ FEWEST = 20
 MOST = 2000
 LEAST_TURN = np.radians(2.0)
 ALIKE = 0.9
-LAG_TOLD_S = 0.5
-"""A course lags behind or leads the heading by some tenths of a second, by slip and by where the antenna is."""
+LAG_TOLD_S = 0.8
+"""By slip, and by where the antenna is, a course leads the heading or lags behind it by some tenths of a second."""
 
 
 @dataclass(frozen=True, slots=True)
