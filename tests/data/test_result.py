@@ -91,3 +91,9 @@ def test_description(trajectory, records):
     ]
     bare = replace(trajectory, sd_position=None)
     assert Result(bare, bare).describe() == "forward and smoothed trajectory, 5 epochs, 0.000 .. 4.000 s (4.0 s)"
+
+
+def test_description_of_a_run_without_epochs():
+    nothing = np.empty(0)
+    bare = Trajectory(nothing, nothing, nothing, nothing, sd_position=np.empty((0, 3)))
+    assert Result(bare).describe() == "forward trajectory, 0 epochs"

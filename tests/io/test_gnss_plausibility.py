@@ -128,3 +128,32 @@ def test_shared_logs_in_radians(shared_data, tmp_path, folder):
     write_table(tmp_path / "gnss.csv", columns)
     with pytest.raises(InputError, match="radians.* rename them to lat_rad, lon_rad"):
         read_gnss(tmp_path / "gnss.csv")
+
+
+@pytest.mark.parametrize(("column", "value"), [(0, 360.0), (1, -80.0), (2, 100.0)])
+def test_velocities_of_another_world_are_refused(column, value):
+    *position, velocity = drive()
+    velocity[:, column] = value
+    with pytest.raises(InputError, match=f"{VELOCITY[column]}.*are [0-9.]+ m/s away from how the positions move"):
+        check_velocity_units(*position, velocity, VELOCITY, "f")
+
+
+def test_a_velocity_column_of_zeros_is_noted():
+    *position, velocity = drive(noise=2.0)
+    velocity[:, 0] = 0.0
+    (note,) = check_velocity_units(*position, velocity, VELOCITY, "f")
+    assert "'vn_mps', 've_mps': over ten seconds these velocities are " in note
+
+
+@pytest.mark.parametrize("flaw", ["noise", "outliers", "gaps", "holes", "few"])
+def test_noisy_positions_are_not_held_against_the_velocities(flaw):
+    time, lat, lon, height, velocity = drive(noise=5.0 if flaw == "noise" else 0.0)
+    if flaw == "outliers":
+        lat[::20] += 3000.0 / 6371e3
+    if flaw == "gaps":
+        time, lat, lon, height, velocity = (part[(time % 60.0) < 35.0] for part in (time, lat, lon, height, velocity))
+    if flaw == "holes":
+        velocity[::7] = np.nan
+    if flaw == "few":
+        time, lat, lon, height, velocity = (part[:2] for part in (time, lat, lon, height, velocity))
+    assert check_velocity_units(time, lat, lon, height, velocity, VELOCITY, "f") == []

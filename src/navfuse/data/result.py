@@ -176,14 +176,14 @@ class Result:
         """Plain-text account of the run: length, measurements, accuracy, warnings."""
         best = self.trajectory
         kind = "forward" if self.smoothed is None else "forward and smoothed"
-        lines = [
-            f"{kind} trajectory, {len(best)} epochs, "
-            f"{best.time[0]:.3f} .. {best.time[-1]:.3f} s ({best.time[-1] - best.time[0]:.1f} s)"
-        ]
+        span = (
+            f", {best.time[0]:.3f} .. {best.time[-1]:.3f} s ({best.time[-1] - best.time[0]:.1f} s)" if len(best) else ""
+        )
+        lines = [f"{kind} trajectory, {len(best)} epochs{span}"]
         for source in self.innovations.sources:
             counts = [(status, self.innovations.count(source, status)) for status in STATUSES]
             lines.append(f"{source}: " + ", ".join(f"{n} {status}" for status, n in counts if n))
-        if best.sd_position is not None:
+        if best.sd_position is not None and len(best):
             sd = np.hypot(best.sd_position[:, 0], best.sd_position[:, 1])
             worst = int(np.argmax(sd))
             lines.append(

@@ -19,6 +19,9 @@ _DEG = np.pi / 180.0
 _FAST = 6.0
 _TOO_FAST = 350.0
 _ALIKE = 0.9
+_SPAN = 10.0
+_APART = 2.0
+_WILDLY_APART = 20.0
 
 
 def check_position_units(
@@ -103,11 +106,20 @@ def check_velocity_units(
     -------
     list of str
         A note if horizontal or vertical velocity is a clear multiple, or has the opposite sign, of what the positions
-        do.
+        do, or is another motion altogether.
+
+    Raises
+    ------
+    InputError
+        If it is another motion by tens of metres per second.
     """
     notes = []
-    for (ratio, correlation, rms), columns in zip(
-        _motion_ratio(time, lat, lon, height, velocity_n), (f"'{names[0]}', '{names[1]}'", f"'{names[2]}'"), strict=True
+    groups = (f"'{names[0]}', '{names[1]}'", f"'{names[2]}'")
+    for (ratio, correlation, rms), (apart, moved), columns in zip(
+        _motion_ratio(time, lat, lon, height, velocity_n),
+        _motion_apart(time, lat, lon, height, velocity_n),
+        groups,
+        strict=True,
     ):
         if rms > 0.3 and abs(correlation) > _ALIKE and not 0.7 < ratio < 1.4:
             cause = (
@@ -119,6 +131,16 @@ def check_velocity_units(
                 f"{source}: column {columns}: the positions move {ratio:.2f} times as fast as these velocities say;"
                 f" {cause}?"
             )
+            continue
+        fault = (
+            f"{source}: column {columns}: over ten seconds these velocities are {apart:.3g} m/s away from how the"
+            f" positions move ({moved:.3g} m/s), half of the time or more; are columns exchanged, or is one of them not"
+            " what its name says?"
+        )
+        if apart > _WILDLY_APART:
+            raise InputError(f"{fault} Correct them, or leave them out")
+        if apart > _APART + 0.3 * moved:
+            notes.append(fault)
     return notes
 
 
@@ -151,6 +173,35 @@ def _motion_ratio(
         correlation = product / np.sqrt(power * float(seen @ seen))
         ratios.append((product / power, correlation, float(np.sqrt(np.mean(mean[usable][:, axes] ** 2)))))
     return ratios
+
+
+def _motion_apart(time: Array, lat: Array, lon: Array, height: Array, velocity_n: Array) -> list[tuple[float, float]]:
+    """Median distance of displacement over time from mean velocity, and median displacement over time [m/s].
+
+    Over windows of ten seconds without gaps, which the noise of positions hardly reaches; horizontal, then vertical.
+    """
+    step = np.diff(time)
+    rows = max(3, int(round(_SPAN / np.median(step))))
+    first = np.arange(0, time.size - rows)
+    last = first + rows
+    total = np.concatenate(
+        [np.zeros((1, 3)), np.cumsum(0.5 * step[:, None] * (velocity_n[1:] + velocity_n[:-1]), axis=0)]
+    )
+    span = time[last] - time[first]
+    radius = _EARTH_RADIUS + height[first]
+    east = (lon[last] - lon[first] + np.pi) % (2.0 * np.pi) - np.pi
+    moved = np.column_stack(
+        ((lat[last] - lat[first]) * radius, east * radius * np.cos(lat[first]), height[first] - height[last])
+    )
+    apart = moved - (total[last] - total[first])
+    usable = np.isfinite(apart).all(axis=1) & (span < 2.0 * rows * np.median(step))
+    if np.count_nonzero(usable) < 3:
+        return [(0.0, 0.0), (0.0, 0.0)]
+    found = []
+    for axes in ([0, 1], [2]):
+        speeds = (np.linalg.norm(part[usable][:, axes], axis=1) / span[usable] for part in (apart, moved))
+        found.append(tuple(float(np.median(speed)) for speed in speeds))
+    return found
 
 
 def _fastest(time: Array, lat: Array, lon: Array) -> float:

@@ -1,4 +1,4 @@
-"""Propagation of the error covariance of an inertial navigation state.
+"""Error dynamics of an inertial navigation state.
 
 The errors are those of the Earth-fixed position r, velocity v and attitude, resolved in the navigation frame m of the estimate
 (m = n or e), true minus estimate, with the small rotation psi taking the estimated attitude to the true one:
@@ -9,38 +9,40 @@ The errors are those of the Earth-fixed position r, velocity v and attitude, res
     dw = -db_g - diag(w) ds_g ...,   df = -db_a - diag(f) ds_a ...
 
 with w_em zero in e, the transport rate in n, and Gamma = (g/R)(3 u u^T - I) the gravity gradient, u up. In this form one set of
-equations serves both frames and has no singular place; docs/decisions/0001 gives the derivation.
+equations serves both frames and has no singular place; docs/decisions/0002 gives the derivation.
 
-Over a covariance step the integrals of C_mb, C_mb w, C_mb f and f_m are summed at every inertial sample; the step then applies
+Over a covariance step the integrals of C_mb, C_mb w, C_mb f and f_m are summed at every inertial sample (:func:`accumulate`); the step then
+applies
 
-    psi' = psi - T w_im x psi + sum_j a_j s_j
-    dv'  = dv  - T (2 w_ie + w_em) x dv + T Gamma dr + (psi + psi')/2 x Df + sum_j a_j s_j
+    psi' = psi - T w_im x psi - sum_j g_j s_j
+    dv'  = dv  - T (2 w_ie + w_em) x dv + T Gamma dr + (psi + psi')/2 x Df - sum_j a_j s_j
     dr'  = dr  - T w_em x dr + T (dv + dv')/2
 
-which is second order in the step and exact in the sample-to-sample variation of attitude and specific force. Process noise is
-added half before and half after the step (trapezoidal rule).
+which is second order in the step and exact in the sample-to-sample variation of attitude and specific force.
+
+The s_j stand in the sequence of :func:`imu_places`: by sixes, three of the gyro and then three of the accelerometer. The g_j and a_j of a
+three are the columns of a 3 x 3 matrix: the integral of C_mb for both biases, and one matrix for each other three.
 """
 
 from __future__ import annotations
 
-from math import exp
+from math import cos, sin
 
 import numpy as np
 from numba import njit
 
 from navfuse.core.constants import EARTH_RATE, WGS84_A
-from navfuse.core.earth import ecef_to_geodetic, normal_gravity, radii
+from navfuse.core.earth import ellipsoid_normal, normal_gravity, radii
 
 GYRO, ACCEL = 0, 1
 BIAS = -1
 
-ACC_TIME, ACC_FORCE, ACC_DCM, ACC_STATES = 0, 1, 4, 13
-"""Where the sums of one covariance step stand in the accumulator: time, f_m, C_mb, then three per scale or coupling state."""
+PAIR = 12
+"""Places of the biases and scale factors of both sensors; the cross-couplings have as many more."""
 
-TILE = 24
-"""Columns that the transition is applied to at a time."""
-
-_RATES = 19
+ACC_TIME, ACC_FORCE, ACC_DCM, ACC_SCALE, ACC_CROSS, ACC_SIZE = 0, 1, 4, 13, 31, 67
+"""Where the sums of one covariance step stand in the accumulator: time, f_m, C_mb, then a 3 x 3 matrix, row by row, for each three places
+after the biases."""
 
 CROSS_PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 """Row and column in the error matrix M of the six cross-coupling states, in order."""
@@ -71,236 +73,142 @@ def imu_state_map(names: tuple[str, ...]) -> np.ndarray:
     return np.array(rows, dtype=np.int64).reshape(-1, 3)
 
 
-@njit(cache=True)
-def frame_rates(nav, ecef, w):
-    """Rates and gravity gradient at a navigation state, written into `w` (15,).
+def imu_places(imu_map: np.ndarray) -> np.ndarray:
+    """Place of each state of :func:`imu_state_map`, (m,) int array.
 
-    `w` receives w_ie_m (0:3), w_em_m (3:6), then Gamma row by row (6:15). No checks are made.
+    The sequence is gyro biases, accelerometer biases, gyro scale factors, accelerometer scale factors, then by threes the
+    cross-couplings of gyro and accelerometer in turn.
     """
-    for k in range(15):
-        w[k] = 0.0
+    places = []
+    for sensor, row, column in imu_map.tolist():
+        if column == BIAS:
+            place = row
+        elif column == row:
+            place = 6 + row
+        else:
+            three, within = divmod(CROSS_PAIRS.index((row, column)), 3)
+            place = PAIR + 6 * three + within
+        places.append(place + 3 * sensor)
+    return np.array(places, dtype=np.int64)
+
+
+@njit(cache=True, error_model="numpy")
+def frame_rates(nav, ecef, w):
+    """Rates and gravity gradient at a navigation state, written into `w` (12,).
+
+    `w` receives w_ie_m (0:3), w_em_m (3:6), then Gamma's elements 00, 01, 02, 11, 12, 22. No checks are made.
+    """
     if ecef:
-        lat, lon, h = ecef_to_geodetic(nav[0], nav[1], nav[2])
-        s, c = np.sin(lat), np.cos(lat)
-        ratio = normal_gravity(s, h) / (WGS84_A + h)
-        u = (c * np.cos(lon), c * np.sin(lon), s)
+        p, cos_lat, sin_lat, h = ellipsoid_normal(nav[0], nav[1], nav[2])
+        ratio = normal_gravity(sin_lat, h) / (WGS84_A + h)
+        k = cos_lat / p if p > 0.0 else 0.0
+        ux, uy, uz = k * nav[0], k * nav[1], sin_lat
+        for i in range(6):
+            w[i] = 0.0
         w[2] = EARTH_RATE
-        for i in range(3):
-            for j in range(3):
-                w[6 + 3 * i + j] = 3.0 * ratio * u[i] * u[j]
-            w[6 + 4 * i] -= ratio
+        triple = 3.0 * ratio
+        w[6] = triple * ux * ux - ratio
+        w[7] = triple * ux * uy
+        w[8] = triple * ux * uz
+        w[9] = triple * uy * uy - ratio
+        w[10] = triple * uy * uz
+        w[11] = triple * uz * uz - ratio
     else:
-        s, c = np.sin(nav[0]), np.cos(nav[0])
+        s, c = sin(nav[0]), cos(nav[0])
         h = nav[2]
         rm, rt = radii(s)
         ratio = normal_gravity(s, h) / (WGS84_A + h)
+        east = nav[4] / (rt + h)
         w[0] = EARTH_RATE * c
+        w[1] = 0.0
         w[2] = -EARTH_RATE * s
-        w[3] = nav[4] / (rt + h)
+        w[3] = east
         w[4] = -nav[3] / (rm + h)
-        w[5] = -nav[4] * s / (c * (rt + h))
+        w[5] = -east * s / c
         w[6] = -ratio
-        w[10] = -ratio
-        w[14] = 2.0 * ratio
+        w[7] = 0.0
+        w[8] = 0.0
+        w[9] = -ratio
+        w[10] = 0.0
+        w[11] = 2.0 * ratio
 
 
 @njit(cache=True)
-def _transition_rows(M, out, coefficients, kinds, m, count):
-    """Navigation rows of the transition matrix times the first `count` columns of a tile.
-
-    `M` is flat, n rows of TILE columns; `out` flat, nine rows of TILE columns. A constant stride and a count that is not constant
-    are what lets the compiler use vector instructions. No checks are made.
-    """
-    k = coefficients
-    ax, ay, az = k[0], k[1], k[2]
-    cx, cy, cz = k[3], k[4], k[5]
-    g00, g01, g02, g11, g12, g22 = k[9], k[10], k[11], k[12], k[13], k[14]
-    for c in range(count):
-        px, py, pz = M[6 * TILE + c], M[7 * TILE + c], M[8 * TILE + c]
-        out[6 * TILE + c] = px - (ay * pz - az * py)
-        out[7 * TILE + c] = py - (az * px - ax * pz)
-        out[8 * TILE + c] = pz - (ax * py - ay * px)
-    for c in range(count):
-        rx, ry, rz = M[c], M[TILE + c], M[2 * TILE + c]
-        vx, vy, vz = M[3 * TILE + c], M[4 * TILE + c], M[5 * TILE + c]
-        out[3 * TILE + c] = vx - (cy * vz - cz * vy) + (g00 * rx + g01 * ry + g02 * rz)
-        out[4 * TILE + c] = vy - (cz * vx - cx * vz) + (g01 * rx + g11 * ry + g12 * rz)
-        out[5 * TILE + c] = vz - (cx * vy - cy * vx) + (g02 * rx + g12 * ry + g22 * rz)
-    for j in range(m):
-        b0, b1, b2 = k[_RATES + 3 * j], k[_RATES + 3 * j + 1], k[_RATES + 3 * j + 2]
-        at = (9 + j) * TILE
-        if kinds[j] == GYRO:
-            for c in range(count):
-                v = M[at + c]
-                out[6 * TILE + c] -= b0 * v
-                out[7 * TILE + c] -= b1 * v
-                out[8 * TILE + c] -= b2 * v
-        else:
-            for c in range(count):
-                v = M[at + c]
-                out[3 * TILE + c] -= b0 * v
-                out[4 * TILE + c] -= b1 * v
-                out[5 * TILE + c] -= b2 * v
-    ex, ey, ez = k[6], k[7], k[8]
-    hx, hy, hz = k[15], k[16], k[17]
-    half = k[18]
-    for c in range(count):
-        px = M[6 * TILE + c] + out[6 * TILE + c]
-        py = M[7 * TILE + c] + out[7 * TILE + c]
-        pz = M[8 * TILE + c] + out[8 * TILE + c]
-        out[3 * TILE + c] += py * hz - pz * hy
-        out[4 * TILE + c] += pz * hx - px * hz
-        out[5 * TILE + c] += px * hy - py * hx
-    for c in range(count):
-        rx, ry, rz = M[c], M[TILE + c], M[2 * TILE + c]
-        out[c] = rx - (ey * rz - ez * ry) + half * (M[3 * TILE + c] + out[3 * TILE + c])
-        out[TILE + c] = ry - (ez * rx - ex * rz) + half * (M[4 * TILE + c] + out[4 * TILE + c])
-        out[2 * TILE + c] = rz - (ex * ry - ey * rx) + half * (M[5 * TILE + c] + out[5 * TILE + c])
-
-
-@njit(cache=True)
-def _coefficients(acc, w, imu_map, k, kinds):
-    """Everything :func:`_transition_rows` needs of one step, in one flat array. No checks are made."""
-    T = acc[ACC_TIME]
-    for i in range(3):
-        k[i] = T * (w[i] + w[3 + i])
-        k[3 + i] = T * (2.0 * w[i] + w[3 + i])
-        k[6 + i] = T * w[3 + i]
-        k[15 + i] = 0.5 * acc[ACC_FORCE + i]
-    k[9], k[10], k[11] = T * w[6], T * w[7], T * w[8]
-    k[12], k[13], k[14] = T * w[10], T * w[11], T * w[14]
-    k[18] = 0.5 * T
-    for j in range(imu_map.shape[0]):
-        kinds[j] = imu_map[j, 0]
-        for i in range(3):
-            if imu_map[j, 2] == BIAS:
-                k[_RATES + 3 * j + i] = acc[ACC_DCM + imu_map[j, 1] + 3 * i]
-            else:
-                k[_RATES + 3 * j + i] = acc[ACC_STATES + 3 * j + i]
-
-
-@njit(cache=True)
-def _half_noise(P, noise, stochastic, decay, T):
-    n = P.shape[0]
-    for i in range(3):
-        P[3 + i, 3 + i] += 0.5 * noise[1] * T
-        P[6 + i, 6 + i] += 0.5 * noise[0] * T
-    for j in range(n - 9):
-        if stochastic[j, 2] > 0.0:
-            P[9 + j, 9 + j] += 0.5 * stochastic[j, 0] * (1.0 - decay[j] * decay[j])
-        else:
-            P[9 + j, 9 + j] += 0.5 * stochastic[j, 1] * T
-
-
-@njit(cache=True)
-def covariance_step(P, x, s, F, acc, w, imu_map, noise, stochastic, decay, work, track):
-    """Carry covariance, error estimate and accumulated transition over the summed covariance step, in place.
+def accumulate(acc, cross, dt, before, after, t, u, f):
+    """Add one inertial increment to the sums of a covariance step.
 
     Parameters
     ----------
-    P : (n, n) array
-        Covariance.
-    x : (n,) array
-        Error estimate (all zero in a closed loop).
-    s : (n - 9,) array
-        Estimates of the states after the ninth; Gauss-Markov states decay towards zero.
-    F : (10, n) array
-        Accumulated transition since the last event: nine navigation rows, then the diagonal of the remaining states.
-    acc : (13 + 3 m,) array
-        Sums of this step; zeroed on return.
-    w : (15,) array
-        From :func:`frame_rates` at the end of the step.
-    imu_map : (m, 3) int array
-        From :func:`imu_state_map`.
-    noise : (2,) array
-        Densities of the angular [rad^2/s] and the velocity [m^2/s^3] random walk.
-    stochastic : (n - 9, 3) array
-        Per state: steady-state variance, random-walk density, 1/tau (0 = no decay).
-    decay : (n - 8,) array
-        Scratch kept between calls: decay factors for a step of length decay[-1].
-    work : array
-        From :func:`scratch`.
-    track : bool
-        Whether F is accumulated.
+    acc : array
+        Sums; see ACC_TIME and its neighbours.
+    cross : bool
+        Whether there are cross-couplings.
+    dt : float [s]
+    before, after : 9-tuples
+        C_mb at the two ends of the increment.
+    t, u : 3-tuples [rad], [m/s]
+        Corrected increments of angle and velocity, resolved in b.
+    f : 3-tuple [m/s]
+        Velocity increment resolved in m.
 
     Notes
     -----
-    No checks are made.
+    A scale factor of axis k moves the increment by C_mb[:, k] times the increment of axis k, a cross-coupling (i, k) by
+    C_mb[:, i] times the increment of axis k. No checks are made.
     """
-    n = P.shape[0]
-    m = n - 9
-    T = acc[ACC_TIME]
-    if T != decay[m]:
-        for j in range(m):
-            decay[j] = exp(-T * stochastic[j, 2]) if stochastic[j, 2] > 0.0 else 1.0
-        decay[m] = T
-    mi = imu_map.shape[0]
-    M = work[: TILE * n]
-    out = work[TILE * n : TILE * n + 9 * TILE]
-    W = work[TILE * (n + 9) : TILE * (n + 9) + 9 * n]
-    k = work[TILE * (n + 9) + 9 * n : TILE * (n + 9) + 9 * n + _RATES + 3 * mi]
-    kinds = work[TILE * (n + 9) + 9 * n + _RATES + 3 * mi :]
-    _coefficients(acc, w, imu_map, k, kinds)
-    _half_noise(P, noise, stochastic, decay, T)
-    for c0 in range(0, n + 1, TILE):
-        width = min(TILE, n - c0)
-        for i in range(n):
-            for c in range(width):
-                M[i * TILE + c] = P[i, c0 + c]
-        if width < TILE:
-            for i in range(n):
-                M[i * TILE + width] = x[i]
-        _transition_rows(M, out, k, kinds, mi, min(TILE, (width + 4) // 4 * 4))
-        for i in range(9):
-            for c in range(width):
-                W[i * n + c0 + c] = out[i * TILE + c]
-        if width < TILE:
-            for i in range(9):
-                x[i] = out[i * TILE + width]
-    for j in range(m):
-        x[9 + j] *= decay[j]
-    for i in range(9):
-        for j in range(n):
-            M[j * TILE + i] = W[i * n + j]
-    _transition_rows(M, out, k, kinds, mi, 12)
-    for i in range(9):
-        for j in range(i + 1):
-            v = 0.5 * (out[i * TILE + j] + out[j * TILE + i])
-            P[i, j] = v
-            P[j, i] = v
-    for i in range(9):
-        for j in range(m):
-            v = W[i * n + 9 + j] * decay[j]
-            P[i, 9 + j] = v
-            P[9 + j, i] = v
-    for j in range(m):
-        d = decay[j]
-        for c in range(m):
-            P[9 + j, 9 + c] *= d * decay[c]
-        s[j] *= d
-    _half_noise(P, noise, stochastic, decay, T)
-
-    if track:
-        for c0 in range(0, n, TILE):
-            width = min(TILE, n - c0)
-            for i in range(9):
-                for c in range(width):
-                    M[i * TILE + c] = F[i, c0 + c]
-            for j in range(m):
-                for c in range(width):
-                    M[(9 + j) * TILE + c] = 0.0
-                if c0 <= 9 + j < c0 + width:
-                    M[(9 + j) * TILE + 9 + j - c0] = F[9, 9 + j]
-            _transition_rows(M, out, k, kinds, mi, (width + 3) // 4 * 4)
-            for i in range(9):
-                for c in range(width):
-                    F[i, c0 + c] = out[i * TILE + c]
-        for j in range(m):
-            F[9, 9 + j] *= decay[j]
-    for i in range(acc.size):
-        acc[i] = 0.0
+    acc[ACC_TIME] += dt
+    for i in range(3):
+        acc[ACC_FORCE + i] += f[i]
+        x = 0.5 * (before[3 * i] + after[3 * i])
+        y = 0.5 * (before[3 * i + 1] + after[3 * i + 1])
+        z = 0.5 * (before[3 * i + 2] + after[3 * i + 2])
+        at = ACC_DCM + 3 * i
+        acc[at] += x * dt
+        acc[at + 1] += y * dt
+        acc[at + 2] += z * dt
+        at = ACC_SCALE + 3 * i
+        acc[at] += x * t[0]
+        acc[at + 1] += y * t[1]
+        acc[at + 2] += z * t[2]
+        acc[at + 9] += x * u[0]
+        acc[at + 10] += y * u[1]
+        acc[at + 11] += z * u[2]
+        if cross:
+            acc[at + 18] += x * t[1]
+            acc[at + 19] += x * t[2]
+            acc[at + 20] += y * t[0]
+            acc[at + 27] += x * u[1]
+            acc[at + 28] += x * u[2]
+            acc[at + 29] += y * u[0]
+            acc[at + 36] += y * t[2]
+            acc[at + 37] += z * t[0]
+            acc[at + 38] += z * t[1]
+            acc[at + 45] += y * u[2]
+            acc[at + 46] += z * u[0]
+            acc[at + 47] += z * u[1]
 
 
-def scratch(n: int) -> np.ndarray:
-    """Work space of :func:`covariance_step` for n states."""
-    return np.zeros(TILE * (n + 9) + 9 * n + _RATES + 4 * n)
+@njit(cache=True, error_model="numpy")
+def corrections(s, stride, sensor, cross):
+    """Inverse of I + M of one inertial sensor and its bias, as one 12-tuple.
+
+    `s` holds the estimates in the sequence of places, every `stride` numbers; `sensor` is GYRO or ACCEL, `cross` whether
+    there are cross-couplings. No checks are made.
+    """
+    k = 3 * sensor
+    b = (s[k * stride], s[(k + 1) * stride], s[(k + 2) * stride])
+    xx, yy, zz = 1.0 + s[(k + 6) * stride], 1.0 + s[(k + 7) * stride], 1.0 + s[(k + 8) * stride]
+    if not cross:
+        return 1.0 / xx, 0.0, 0.0, 0.0, 1.0 / yy, 0.0, 0.0, 0.0, 1.0 / zz, b[0], b[1], b[2]
+    xy, xz, yx = s[(k + 12) * stride], s[(k + 13) * stride], s[(k + 14) * stride]
+    yz, zx, zy = s[(k + 18) * stride], s[(k + 19) * stride], s[(k + 20) * stride]
+    c0 = yy * zz - yz * zy
+    c1 = yz * zx - yx * zz
+    c2 = yx * zy - yy * zx
+    d = 1.0 / (xx * c0 + xy * c1 + xz * c2)
+    return (
+        c0 * d, (xz * zy - xy * zz) * d, (xy * yz - xz * yy) * d,
+        c1 * d, (xx * zz - xz * zx) * d, (xz * yx - xx * yz) * d,
+        c2 * d, (xy * zx - xx * zy) * d, (xx * yy - xy * yx) * d,
+        b[0], b[1], b[2],
+    )  # fmt: skip

@@ -71,23 +71,23 @@ def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
     c = c0 - s0 * dlat
     hm = h - half * vd
     x = 1.0 - WGS84_E2 * s * s
-    rt = WGS84_A / sqrt(x)
-    rm = rt * (1.0 - WGS84_E2) / x
+    root = sqrt(x)
+    to_north = 1.0 / (WGS84_A * (1.0 - WGS84_E2) / (x * root) + hm)
+    to_east = 1.0 / (WGS84_A / root + hm)
+    tan = s / c
     g = normal_gravity(s, hm)
-    rm += hm
-    rt += hm
 
-    an = 2.0 * EARTH_RATE * c + ve / rt
-    ae = -vn / rm
-    ad = -2.0 * EARTH_RATE * s - ve * s / (c * rt)
+    ie_n = EARTH_RATE * c
+    ie_d = -EARTH_RATE * s
+    an = 2.0 * ie_n + ve * to_east
+    ae = -vn * to_north
+    ad = 2.0 * ie_d - ve * tan * to_east
     vn_m = vn + 0.5 * (fn - dt * (ae * vd - ad * ve))
     ve_m = ve + 0.5 * (fe - dt * (ad * vn - an * vd))
     vd_m = vd + 0.5 * (fd + g * dt - dt * (an * ve - ae * vn))
-    en_n = ve_m / rt
-    en_e = -vn_m / rm
-    en_d = -ve_m * s / (c * rt)
-    ie_n = EARTH_RATE * c
-    ie_d = -EARTH_RATE * s
+    en_n = ve_m * to_east
+    en_e = -vn_m * to_north
+    en_d = -en_n * tan
 
     zn = (ie_n + en_n) * dt
     ze = en_e * dt
@@ -102,8 +102,8 @@ def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
     ve1 = ve + dve - dt * (wd * vn_m - wn * vd_m)
     vd1 = vd + dvd - dt * (wn * ve_m - en_e * vn_m - g)
 
-    nav[0] = lat + half * (vn + vn1) / rm
-    nav[1] += half * (ve + ve1) / (rt * c)
+    nav[0] = lat + half * (vn + vn1) * to_north
+    nav[1] += half * (ve + ve1) * to_east / c
     nav[2] = h - half * (vd + vd1)
     nav[3] = vn1
     nav[4] = ve1

@@ -318,7 +318,7 @@ def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, pool
             break
     _back_across_transition(F, lam, Lam, work)
     _drop_direction(checkpoint.held, lam, Lam)
-    for (time, row_nav, row_x, row_P, row_F, _), rows in zip(reversed(pool[: len(runs)]), reversed(runs), strict=True):
+    for (time, row_nav, row_x, row_P, row_F), rows in zip(reversed(pool[: len(runs)]), reversed(runs), strict=True):
         if rows:
             x_s, P_s, out = np.empty((rows, 9)), np.empty((rows, 9, 9)), np.empty((rows, 18))
             _uncorrelate_direction(checkpoint.held, row_P[:rows])
