@@ -344,6 +344,8 @@ def _without_outages(gnss: GnssLog | None, project: Project) -> GnssLog | None:
     keep = np.ones(gnss.time.size, dtype=bool)
     for start, end in project.gnss.outages_s:
         keep &= (gnss.time < start) | (gnss.time >= end)
+    if not keep.any():
+        raise AlignmentError("gnss.outages_s withhold every fix; leave some for the filter")
     return gnss.take(keep)
 
 

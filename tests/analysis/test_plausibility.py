@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from navfuse.analysis.plausibility import run_warnings
+from navfuse.data.logs import GnssLog
 from navfuse.data.result import Innovations, Result, StateHistory
 from navfuse.data.trajectory import Trajectory
 
@@ -97,3 +98,23 @@ def test_biases_may_wander():
     run = result()
     history = StateHistory(np.array([0.0, 1.0]), np.array([[0.0] * 3, [9.0] * 3]), np.full((2, 3), 0.1))
     assert run_warnings(Result(forward=run.forward, innovations=run.innovations, states={"gyro_bias": history})) == []
+
+
+def fixes():
+    two = np.array([1.0, 2.0])
+    return GnssLog(two, two, two, two, np.ones((2, 3)))
+
+
+def test_a_run_without_any_used_fix():
+    lost = Result(forward=result().forward, fixes=fixes())
+    assert run_warnings(lost) == ["no fix was used from 0.0 s to 399.0 s: inertial navigation alone"]
+
+
+def test_a_run_with_two_fixes_only():
+    run = result()
+    (warning,) = run_warnings(Result(forward=run.forward, innovations=run.innovations.select(np.array([5, 9]))))
+    assert warning.startswith("no fix was used from 9.0 s to 399.0 s")
+
+
+def test_a_run_that_never_wanted_fixes_says_nothing():
+    assert run_warnings(Result(forward=result().forward)) == []

@@ -152,7 +152,7 @@ def _summary(source: str, everything: Innovations, tested: Innovations, probabil
     counts = {status: everything.count(source, status) for status in ("used", "rejected", "withheld")}
     counts |= {status: everything.count(source, status) for status in statuses if status not in counts}
     used = tested.select(tested.status == "used")
-    offered = tested.select((tested.status == "used") | (tested.status == "rejected"))
+    offered = tested.select(np.isin(tested.status, ("used", "rejected", "reset")))
     degrees = float(used.dof.sum())
     if degrees == 0.0:
         nan = float("nan")

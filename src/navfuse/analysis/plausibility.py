@@ -84,14 +84,15 @@ def _silence(result: Result, exclude: Sequence[tuple[float, float]]) -> list[str
     """The longest stretch without any used measurement, unless it was asked for."""
     records, best = result.innovations, result.trajectory
     used = np.unique(records.time[np.isin(records.status, ("used", "reset"))])
-    if used.size <= FEWEST or not len(best):
+    if not len(best) or (not len(records) and result.fixes is None):
         return []
+    usual = float(np.median(np.diff(used))) if used.size > FEWEST else 0.0
     edges = np.concatenate([[best.time[0]], used[(used > best.time[0]) & (used < best.time[-1])], [best.time[-1]]])
     length = np.diff(edges)
     for start, end in exclude:
         length -= np.clip(np.minimum(edges[1:], end) - np.maximum(edges[:-1], start), 0.0, None)
     k = int(np.argmax(length))
-    if length[k] < max(SILENT_S, 10.0 * float(np.median(np.diff(used)))):
+    if length[k] < max(SILENT_S, 10.0 * usual):
         return []
     sd = ""
     if best.sd_position is not None:

@@ -29,6 +29,7 @@ Array = np.ndarray
 OUTPUT_ROWS = 64
 RESET_ATTITUDE_SD = np.radians(10.0)
 GAP_FULL_S = 0.5
+DOUBT_S = 10.0
 HELD_HEADING_SD = np.radians(45.0)
 MOVING_SPEED = 1.0
 LINEAR_ATTITUDE = np.radians(1.0)
@@ -334,9 +335,10 @@ class ErrorStateFilter:
                 "positive definite or a value "
                 "is not finite; look at its noise and at the start covariance"
             )
+        sd = np.sqrt(np.diagonal(S))
         status = WITHHELD if withheld else USED if nis <= gate else REJECTED
         if not withheld:
-            keeper.watch(nis / d)
+            keeper.watch(nis / d, time)
         if status == REJECTED and keeper.reject(time):
             self._loosen(1.01 * nis / gate)
             nis_after = update(self.P, H, R, z, np.inf, self._held, K, S, Sinv, dx)
@@ -348,7 +350,6 @@ class ErrorStateFilter:
             keeper.accept()
             self._correct(dx)
             updates.append(Update(H, K, Sinv, z, dx[6:9].copy()))
-        sd = np.sqrt(np.diagonal(S))
         self.record.innovations.append(Innovation(time, sensor.name, sensor.log_row(k), status, nis, z, sd))
         return False
 
@@ -407,8 +408,8 @@ class ErrorStateFilter:
         crossed = self.time - max(begin, self._bridged)
         self._bridged = self.time
         share = min(1.0, gap / GAP_FULL_S)
-        q_angle = (self.settings.gap_gyro_sd * share * crossed) ** 2
-        q_speed = (self.settings.gap_accel_sd * share * crossed) ** 2
+        q_angle = (self.settings.gap_gyro_sd * share) ** 2 * gap * crossed
+        q_speed = (self.settings.gap_accel_sd * share) ** 2 * gap * crossed
         for i in range(3):
             self.P[6 + i, 6 + i] += q_angle
             self.P[3 + i, 3 + i] += q_speed
@@ -417,6 +418,8 @@ class ErrorStateFilter:
             self.P[3 + i, i] += 0.5 * crossed * q_speed
         if ended:
             self.record.gaps.append((begin, gap))
+            for gate in self._gates:
+                gate.doubt_filter_until(self.time + DOUBT_S)
 
     def state(self) -> dict[str, Any]:
         """Everything that a filter of the same start, model, sensors and settings needs to go on from here.
@@ -424,10 +427,10 @@ class ErrorStateFilter:
         Numbers and plain arrays, for ``numpy.savez`` or ``pickle``.
         """
         saved = {name.lstrip("_"): np.array(getattr(self, name)) for name in _SAVED}
-        return {**saved, "gates": np.array([gate.state() for gate in self._gates]).reshape(-1, 3)}
+        return {**saved, "gates": np.array([gate.state() for gate in self._gates]).reshape(-1, 5)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a saved :meth:`state`. The record starts empty.
+        """Go on from a saved :meth:`state`. The record starts anew: a smoother reaches back to here.
 
         Raises
         ------
@@ -444,8 +447,10 @@ class ErrorStateFilter:
             setattr(self, name, value if value.ndim else value.item())
         self._pointers = [int(k) for k in self._pointers]
         for gate, saved in zip(self._gates, state["gates"], strict=True):
-            gate.restore(saved)
+            gate.restore(tuple(float(value) for value in saved))
+        self._index = 0
         self.record = FilterRecord(self.layout)
+        self._keep_checkpoint(())
 
 
 _SAVED = (
@@ -456,7 +461,6 @@ _SAVED = (
     "P",
     "_acc",
     "_last",
-    "_index",
     "_out_next",
     "_emitted",
     "_bridged",

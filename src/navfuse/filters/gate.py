@@ -9,6 +9,8 @@ from navfuse.filters.settings import FilterSettings
 
 SCATTER_GAIN = 0.02
 SCATTER_LIMIT = 10.0
+SCATTER_MEMORY_S = 10.0
+DOUBTFUL_S, MOST_DOUBTFUL = 2.0, 3
 
 
 class Gate:
@@ -36,6 +38,9 @@ class Gate:
 
     def __init__(self, probability: float | None, settings: FilterSettings):
         self.probability = settings.gate_probability if probability is None else probability
+        if not settings.gated:
+            self.probability = 1.0
+        self.last = self.doubtful = -np.inf
         self.reset_count = settings.reset_count
         self.reset_s = settings.reset_s
         self.scatter = 1.0
@@ -50,9 +55,14 @@ class Gate:
             self._quantiles[size] = float(chdtri(size, 1.0 - p)) if p < 1.0 else np.inf
         return self._quantiles[size] * max(1.0, self.scatter)
 
-    def watch(self, ratio: float) -> None:
-        """Take note of a normalised innovation squared per degree of freedom."""
-        self.scatter += SCATTER_GAIN * (min(ratio, SCATTER_LIMIT * max(1.0, self.scatter)) - self.scatter)
+    def watch(self, ratio: float, time: float) -> None:
+        """Take note of a normalised innovation squared per degree of freedom.
+
+        The memory is fifty measurements, and not less than ten seconds.
+        """
+        gain = min(SCATTER_GAIN, max(time - self.last, 0.0) / SCATTER_MEMORY_S)
+        self.last = time
+        self.scatter += gain * (min(ratio, SCATTER_LIMIT * max(1.0, self.scatter)) - self.scatter)
 
     def accept(self) -> None:
         """Take note of a measurement that was used."""
@@ -63,12 +73,20 @@ class Gate:
         if self.rejections == 0:
             self.since = time
         self.rejections += 1
-        return self.rejections >= self.reset_count and time - self.since >= self.reset_s
+        patience = min(DOUBTFUL_S, self.reset_s) if time < self.doubtful else self.reset_s
+        return self.rejections >= min(
+            self.reset_count, MOST_DOUBTFUL if time < self.doubtful else self.reset_count
+        ) and (time - self.since >= patience)
 
-    def state(self) -> tuple[float, float, float]:
+    def doubt_filter_until(self, time: float) -> None:
+        """Until then the filter, not the sensor, is the likelier to be wrong: it has just crossed a gap."""
+        self.doubtful = time
+
+    def state(self) -> tuple[float, ...]:
         """What :meth:`restore` needs."""
-        return self.scatter, float(self.rejections), self.since
+        return self.scatter, float(self.rejections), self.since, self.last, self.doubtful
 
-    def restore(self, state: tuple[float, float, float]) -> None:
+    def restore(self, state: tuple[float, ...]) -> None:
         """Go on from a saved :meth:`state`."""
-        self.scatter, self.rejections, self.since = float(state[0]), int(state[1]), float(state[2])
+        self.scatter, self.rejections, self.since = state[0], int(state[1]), state[2]
+        self.last, self.doubtful = state[3], state[4]

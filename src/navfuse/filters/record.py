@@ -136,8 +136,12 @@ def collect(records: list[FilterRecord]) -> tuple[Trajectory, Innovations, dict[
     )
     layout = records[0].layout
     time = np.array([t for record in records for t in record.state_time])
-    value = np.array([v for record in records for v in record.state_value]).reshape(time.size, -1)
-    deviation = np.array([v for record in records for v in record.state_sd]).reshape(time.size, -1)
+    value = np.array([v for record in records for v in record.state_value]).reshape(
+        time.size, layout.size - NAVIGATION_STATES
+    )
+    deviation = np.array([v for record in records for v in record.state_sd]).reshape(
+        time.size, layout.size - NAVIGATION_STATES
+    )
     states = {}
     for block in layout.blocks:
         where = layout.slice(block.name)

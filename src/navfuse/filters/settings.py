@@ -26,6 +26,8 @@ class FilterSettings:
     reset_count, reset_s : int, float [s]
         After this many rejections of one sensor in a row over at least this time the covariance is enlarged until the
         next one passes.
+    gated : bool
+        False opens every gate, whatever probabilities are given.
     gap_s : float [s]
         An increment longer than this is a gap, in which samples are missing. Over 0.5 s and more the motion inside is
         unknown by `gap_gyro_sd` [rad/s] and `gap_accel_sd` [m/s^2], over less by as much less: it had no time to
@@ -40,7 +42,8 @@ class FilterSettings:
     output_period: float = 0.1
     gate_probability: float = 0.9999
     reset_count: int = 10
-    reset_s: float = 3.0
+    reset_s: float = 30.0
+    gated: bool = True
     gap_s: float = np.inf
     gap_gyro_sd: float = np.radians(20.0)
     gap_accel_sd: float = 2.0

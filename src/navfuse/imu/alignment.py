@@ -60,7 +60,7 @@ class Alignment:
     ----------
     start : Start
     level_source, heading_source : str
-        "given", "standing", "moving"; "given", "earth rate", "motion", "course", "unknown".
+        "given", "standing", "moving"; "given", "earth rate", "motion", "course", "search", "unknown".
     standing_s : float [s]
         How long the sensor stood at the start.
     notes : tuple of str

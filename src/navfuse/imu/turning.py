@@ -31,6 +31,7 @@ FEWEST = 20
 MOST = 2000
 LEAST_TURN = np.radians(2.0)
 ALIKE = 0.9
+RIVAL = 0.6
 LAG_TOLD_S = 0.8
 """By slip, and by where the antenna is, a course leads the heading or lags behind it by some tenths of a second."""
 
@@ -101,7 +102,7 @@ def fit_turns(increments: ImuIncrements, gnss: GnssLog) -> TurnFit | None:
     Returns
     -------
     TurnFit or None
-        None if it moves too little to say anything.
+        None if it moves too little, or too regularly, to say anything.
     """
     grid, heading = _turned(increments)
     begin, end, course, weight = _changes_of_course(gnss, grid[0] + LONGEST_LAG_S, grid[-1] - LONGEST_LAG_S)
@@ -118,7 +119,9 @@ def fit_turns(increments: ImuIncrements, gnss: GnssLog) -> TurnFit | None:
         power, product = share @ turn**2, share @ (turn * y)
         if power > 0.0 and variance > 0.0:
             correlation[k], slope[k] = product / np.sqrt(power * variance), product / variance
-    k = int(np.argmax(np.abs(correlation)))
+    k = _chosen(lags, correlation)
+    if k is None:
+        return None
     return TurnFit(
         ratio=float(slope[k] / max(correlation[k] ** 2, 1e-12)),
         lag_s=float(lags[k] + STEP_S * _vertex(np.abs(correlation), k)),
@@ -126,6 +129,27 @@ def fit_turns(increments: ImuIncrements, gnss: GnssLog) -> TurnFit | None:
         turn=float(np.sqrt(variance)),
         count=course.size,
     )
+
+
+def _chosen(lags: Array, correlation: Array) -> int | None:
+    """Index of the lag to believe, None if the motion repeats itself so that several would do.
+
+    A periodic course correlates as well half a period off, with the other sign. So the clocks are taken for right if
+    the correlation peaks where they may be, and another lag or sign only counts if nothing else comes near it.
+    """
+    best = int(np.argmax(np.abs(correlation)))
+    inner = correlation[1:-1]
+    peaks = 1 + np.flatnonzero((inner >= correlation[:-2]) & (inner >= correlation[2:]))
+    here = peaks[np.abs(lags[peaks]) <= LAG_TOLD_S]
+    if here.size:
+        highest = int(here[np.argmax(correlation[here])])
+        if correlation[highest] >= ALIKE * abs(correlation[best]):
+            return highest
+    away = np.abs(lags - lags[best]) > LAG_TOLD_S
+    others = np.abs(correlation[away & (np.sign(correlation) != np.sign(correlation[best]))])
+    if others.size and np.max(others) > RIVAL * abs(correlation[best]):
+        return None
+    return best
 
 
 def _turned(increments: ImuIncrements) -> tuple[Array, Array]:
@@ -155,7 +179,7 @@ def _changes_of_course(gnss: GnssLog, first: float, last: float) -> tuple[Array,
         away = (r - r[0]) @ np.array(dcm_en(gnss.lat[0], gnss.lon[0])).reshape(3, 3)
         place = away[:, 0] + 1j * away[:, 1]
         if gnss.time.size <= every:
-            return (np.empty(0),) * 4
+            return np.empty(0), np.empty(0), np.empty(0), np.empty(0)
         velocity = (place[every:] - place[:-every]) / (gnss.time[every:] - gnss.time[:-every])
         time = 0.5 * (gnss.time[every:] + gnss.time[:-every])
     start = np.arange(0, time.size - every, max(every, time.size // MOST))

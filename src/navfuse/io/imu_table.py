@@ -13,7 +13,7 @@ from navfuse.data.logs import ImuLog
 from navfuse.errors import ConfigError, InputError, NavfuseWarning
 from navfuse.io.columns import Field, Match, fields, match_columns, require
 from navfuse.io.imu_plausibility import check_imu_units
-from navfuse.io.repair import check_isolated, time_order
+from navfuse.io.repair import check_isolated, silent_rows, time_order
 from navfuse.io.tables import Where, open_table
 from navfuse.io.units import scaled
 
@@ -95,6 +95,15 @@ def read_imu(
     time, gyro, accel = _repair(time, gyro, accel, kind, match, table.where, notes)
     if time.size < 2:
         raise InputError(f"{table.source}: the log has {time.size} usable row; at least two are needed")
+    silent = silent_rows(gyro, accel)
+    if silent.any():
+        first = int(np.argmax(silent))
+        notes.append(
+            f"{table.source}: {int(np.count_nonzero(silent))} of {silent.size} rows hold zeros only or repeat the "
+            "row before to "
+            f"the last digit, the first at {time[first]:.6g} s: the sensor was silent there; they are taken for missing"
+        )
+        time, gyro, accel = time[~silent], gyro[~silent], accel[~silent]
     notes += check_imu_units(
         time, gyro, accel, kind, [match.column[field.base] for field in (TIME, *wanted)], table.source
     )

@@ -17,6 +17,8 @@ from navfuse.io.tables import Where
 Array = np.ndarray
 
 MAX_SHARE = 0.01
+STUCK_ROWS = 10
+STUCK_SHARE = 0.2
 MAX_RUN = 5
 
 
@@ -74,6 +76,34 @@ def check_isolated(bad: Array, source: str, where: Where, fault: str) -> None:
             f"{source}: {fault} in {flawed.size} of {bad.size} rows, the first is {where(int(flawed[0]))}; 1 % or more"
             " is not repaired, correct the file"
         )
+
+
+def silent_rows(gyro: Array, accel: Array) -> Array:
+    """Rows in which an inertial sensor was silent: all six values zero, or stuck at those of the rows before.
+
+    Parameters
+    ----------
+    gyro, accel : (n, 3) arrays
+
+    Returns
+    -------
+    (n,) array of bool
+        A repeated row counts from the tenth in succession on, all of its run but the first. A log of which a fifth or
+        more would count is a coarse or an ideal sensor at rest, and keeps its repeated rows.
+    """
+    zero = ~(gyro.any(axis=1) | accel.any(axis=1))
+    same = np.zeros(zero.size, dtype=bool)
+    same[1:] = np.all(gyro[1:] == gyro[:-1], axis=1) & np.all(accel[1:] == accel[:-1], axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(np.int8)))
+    stuck = np.zeros(zero.size, dtype=bool)
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        if end - start >= STUCK_ROWS:
+            stuck[start:end] = True
+    if np.count_nonzero(stuck & ~zero) >= STUCK_SHARE * stuck.size:
+        stuck[:] = False
+    if zero.mean() >= 0.5:
+        zero[:] = False
+    return zero | stuck
 
 
 def time_order(time: Array, column: str, source: str, where: Where) -> TimeOrder | None:

@@ -1,8 +1,8 @@
 """One step of the error covariance.
 
 With Phi = [A B; 0 D] a step is P' = Phi P Phi^T + Q: the rows W = [A B] P first, over all columns; then the nine
-navigation columns W [A B]^T, of which symmetry leaves less than half to compute; then the decay D of the states after the
-ninth. Process noise is added half before and half after (trapezoidal rule). For the layout see
+navigation columns W [A B]^T, of which symmetry leaves less than half to compute; then the decay D of the states after
+the ninth. Process noise is added half before and half after (trapezoidal rule). For the layout see
 :mod:`navfuse.mechanization.tiles`.
 
 The loops over columns are written for the compiler's vectorizer: one array, distances that are constants, a number of
@@ -38,7 +38,7 @@ from navfuse.mechanization.tiles import (
 )
 
 NANOSECONDS = 1e9
-"""Decay factors are those of the step rounded to a nanosecond, so that the last digits of stamps do not call for new ones."""
+"""Decay factors are those of the step rounded to a nanosecond: the last digits of stamps do not call for new ones."""
 
 
 @njit(cache=True)
@@ -218,10 +218,8 @@ def _add_cross_rows(tile, work, acc, count):
     for c in range(count):
         px = py = pz = vx = vy = vz = 0.0
         for j in range(6):
-            g, a = (
-                tile[PLACES + (12 + j // 3 * 6 + j % 3) * TILE + c],
-                tile[PLACES + (15 + j // 3 * 6 + j % 3) * TILE + c],
-            )
+            at = PLACES + (PAIR + j // 3 * 6 + j % 3) * TILE + c
+            g, a = tile[at], tile[at + 3 * TILE]
             m = ACC_CROSS + j // 3 * 18 + j % 3
             px -= acc[m] * g
             py -= acc[m + 3] * g
@@ -340,7 +338,8 @@ def _scale(tile, factors, size):
 def _mirror(work, first, columns, place):
     """Copy the navigation rows of some place columns into the navigation columns of their rows.
 
-    `first` is the first of those columns, counted from the first tile's HEAD, and `place` its place. No checks are made.
+    `first` is the first of those columns, counted from the first tile's HEAD, and `place` its place. No checks are
+    made.
     """
     for c in range(columns):
         for i in range(9):

@@ -1,18 +1,18 @@
 """Error dynamics of an inertial navigation state.
 
-The errors are those of the Earth-fixed position r, velocity v and attitude, resolved in the navigation frame m of the estimate
-(m = n or e), true minus estimate, with the small rotation psi taking the estimated attitude to the true one:
+The errors are those of the Earth-fixed position r, velocity v and attitude, resolved in the navigation frame m of the
+estimate (m = n or e), true minus estimate, with the small rotation psi taking the estimated attitude to the true one:
 
     d(dr)/dt  = dv - w_em x dr
     d(dv)/dt  = psi x f_m + C_mb df - (2 w_ie + w_em) x dv + Gamma dr
     d(psi)/dt = C_mb dw - (w_ie + w_em) x psi
     dw = -db_g - diag(w) ds_g ...,   df = -db_a - diag(f) ds_a ...
 
-with w_em zero in e, the transport rate in n, and Gamma = (g/R)(3 u u^T - I) the gravity gradient, u up. In this form one set of
-equations serves both frames and has no singular place; docs/decisions/0002 gives the derivation.
+with w_em zero in e, the transport rate in n, and Gamma = (g/R)(3 u u^T - I) the gravity gradient, u up. In this form
+one set of equations serves both frames and has no singular place; docs/decisions/0002 gives the derivation.
 
-Over a covariance step the integrals of C_mb, C_mb w, C_mb f and f_m are summed at every inertial sample (:func:`accumulate`); the step then
-applies
+Over a covariance step the integrals of C_mb, C_mb w, C_mb f and f_m are summed at every inertial sample
+(:func:`accumulate`); the step then applies
 
     psi' = psi - T w_im x psi - sum_j g_j s_j
     dv'  = dv  - T (2 w_ie + w_em) x dv + T Gamma dr + (psi + psi')/2 x Df - sum_j a_j s_j
@@ -20,8 +20,9 @@ applies
 
 which is second order in the step and exact in the sample-to-sample variation of attitude and specific force.
 
-The s_j stand in the sequence of :func:`imu_places`: by sixes, three of the gyro and then three of the accelerometer. The g_j and a_j of a
-three are the columns of a 3 x 3 matrix: the integral of C_mb for both biases, and one matrix for each other three.
+The s_j stand in the sequence of :func:`imu_places`: by sixes, three of the gyro and then three of the accelerometer.
+The g_j and a_j of a three are the columns of a 3 x 3 matrix: the integral of C_mb for both biases, and one matrix for
+each other three.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ PAIR = 12
 """Places of the biases and scale factors of both sensors; the cross-couplings have as many more."""
 
 ACC_TIME, ACC_FORCE, ACC_DCM, ACC_SCALE, ACC_CROSS, ACC_SIZE = 0, 1, 4, 13, 31, 67
-"""Where the sums of one covariance step stand in the accumulator: time, f_m, C_mb, then a 3 x 3 matrix, row by row, for each three places
-after the biases."""
+"""Where the sums of one covariance step stand in the accumulator: time, f_m, C_mb, then a 3 x 3 matrix, row by row, for
+each three places after the biases."""
 
 CROSS_PAIRS = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 """Row and column in the error matrix M of the six cross-coupling states, in order."""
@@ -54,12 +55,14 @@ def imu_state_map(names: tuple[str, ...]) -> np.ndarray:
     Parameters
     ----------
     names : tuple of str
-        Names of the inertial sensor blocks in order: any of gyro_bias, accel_bias, gyro_scale, accel_scale, gyro_cross, accel_cross.
+        Names of the inertial sensor blocks in order: any of gyro_bias, accel_bias, gyro_scale, accel_scale, gyro_cross,
+        accel_cross.
 
     Returns
     -------
     (m, 3) int array
-        Per state: sensor (0 gyro, 1 accelerometer), disturbed axis (row of M), input axis (column of M, or -1 for a bias).
+        Per state: sensor (0 gyro, 1 accelerometer), disturbed axis (row of M), input axis (column of M, or -1 for a
+        bias).
     """
     rows = []
     for name in names:
@@ -76,8 +79,8 @@ def imu_state_map(names: tuple[str, ...]) -> np.ndarray:
 def imu_places(imu_map: np.ndarray) -> np.ndarray:
     """Place of each state of :func:`imu_state_map`, (m,) int array.
 
-    The sequence is gyro biases, accelerometer biases, gyro scale factors, accelerometer scale factors, then by threes the
-    cross-couplings of gyro and accelerometer in turn.
+    The sequence is gyro biases, accelerometer biases, gyro scale factors, accelerometer scale factors, then by threes
+    the cross-couplings of gyro and accelerometer in turn.
     """
     places = []
     for sensor, row, column in imu_map.tolist():
@@ -192,8 +195,8 @@ def accumulate(acc, cross, dt, before, after, t, u, f):
 def corrections(s, stride, sensor, cross):
     """Inverse of I + M of one inertial sensor and its bias, as one 12-tuple.
 
-    `s` holds the estimates in the sequence of places, every `stride` numbers; `sensor` is GYRO or ACCEL, `cross` whether
-    there are cross-couplings. No checks are made.
+    `s` holds the estimates in the sequence of places, every `stride` numbers; `sensor` is GYRO or ACCEL, `cross`
+    whether there are cross-couplings. No checks are made.
     """
     k = 3 * sensor
     b = (s[k * stride], s[(k + 1) * stride], s[(k + 2) * stride])

@@ -1,15 +1,15 @@
 """How a covariance is laid out while it is propagated, so that the compiler can use vector instructions.
 
 A covariance is cut into *tiles* of TILE columns: a row is a run of whole vectors, and the distance from row to row is a
-constant that the compiler knows. From the top a tile has the nine navigation rows, then one row for every *place*. Places
-are the states after the ninth: first the inertial sensor's in the sequence of
+constant that the compiler knows. From the top a tile has the nine navigation rows, then one row for every *place*.
+Places are the states after the ninth: first the inertial sensor's in the sequence of
 :func:`navfuse.mechanization.error_dynamics.imu_places`, whether the filter has them or not, then the aiding sensors'. A
 place that no state takes stays zero. The first tile has the nine navigation columns, then the error estimate x, the
 estimates of the states, one column unused, and from column FIRST on the places, which go on in the next tiles.
 
 Everything lies in one flat array, the *work space*: a head of HEAD numbers, the tiles of the covariance, those of the
-accumulated transition, those of the decay factors, and VALUES numbers for every place. A kernel takes the part of it that
-begins HEAD numbers before its tile.
+accumulated transition, those of the decay factors, and VALUES numbers for every place. A kernel takes the part of it
+that begins HEAD numbers before its tile.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ def regions(places):
 def pack(work, places, place, s, x, P, F):
     """Put sensor estimates s (m,), error estimate x (9 + m,), covariance P and transition F into the work space.
 
-    `place` (m,) is the place of each state after the ninth; F (10, n) is as :func:`navfuse.mechanization.propagate.identity_transition`
-    makes it, or has no rows. No checks are made.
+    `place` (m,) is the place of each state after the ninth; F (10, n) is as
+    :func:`navfuse.mechanization.propagate.identity_transition` makes it, or has no rows. No checks are made.
     """
     size, tiles, _ = regions(places)
     n = x.size

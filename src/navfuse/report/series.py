@@ -75,7 +75,7 @@ def decimate(values: Array, limit: int) -> Array:
     (m,) int array
         Increasing row numbers, m <= limit; the first and the last row are among them. All rows when n <= limit.
     """
-    table = values.reshape(values.shape[0], -1)
+    table = values.reshape(values.shape[0], int(np.prod(values.shape[1:])))
     n, k = table.shape
     if n <= limit:
         return np.arange(n)

@@ -244,7 +244,7 @@ def smooth(
     filter_ : ErrorStateFilter
         After its last increment, with ``settings.checkpoints`` on from the start.
     increments : ImuIncrements
-        All increments it was fed, as one block.
+        All increments it was fed since it was made or restored, as one block.
     progress : callable, optional
         Called now and then with the fraction done.
 
@@ -256,11 +256,15 @@ def smooth(
     Raises
     ------
     ConfigError
-        If the filter kept no checkpoints.
+        If the filter kept no checkpoints, or the increments are others.
     """
     record, settings = filter_.record, filter_.settings
     if not record.checkpoints:
         raise ConfigError("smoothing needs a filter that keeps checkpoints: FilterSettings(checkpoints=True)")
+    for checkpoint in (record.checkpoints[0], record.checkpoints[-1]):
+        at = checkpoint.index
+        if at >= increments.time.size or not increments.time[at] - TIME_TOLERANCE <= checkpoint.time:
+            raise ConfigError("the increments are not those that the filter was fed, all of them, since its start")
     n = record.layout.size
     lam, Lam, work = np.zeros(n), np.zeros((n, n)), np.zeros((n + 13, n))
     pool: list[tuple[Array, ...]] = []

@@ -15,6 +15,7 @@ import numpy as np
 
 from navfuse.aiding.base import AidingSensor
 from navfuse.core.rotation import euler_from_quat, quat_from_euler
+from navfuse.data.layout import NAVIGATION_STATES
 from navfuse.data.start import Start, euler_axes
 from navfuse.errors import FilterError
 from navfuse.filters.ekf import ErrorStateFilter
@@ -27,11 +28,12 @@ from navfuse.smoothers.rts import smooth
 
 Array = np.ndarray
 
-ROUGH_HEADING_SD, ROUGH_LEVEL_SD, MIN_ATTITUDE_SD = np.radians([4.0, 1.5, 0.3])
+ROUGH_HEADING_SD, ROUGH_LEVEL_SD, MIN_ATTITUDE_SD = np.radians([4.0, 1.5, 0.5])
 REFINE_S = 120.0
 HEADINGS = 12
 HEADING_SPACING_SD = np.radians(20.0)
 SEARCH_S = 600.0
+MOST_NIS = 100.0
 CLEARLY = 8.0
 """By how much the log-likelihood of the best heading must exceed that of any other more than 45 deg away."""
 
@@ -85,13 +87,26 @@ def _smoothed_start(
 ) -> Start:
     head = _first(increments, REFINE_S)
     trial = ErrorStateFilter(start, model, sensors, settings)
-    trial.feed(head)
-    row = smooth(trial, head).start
+    try:
+        trial.feed(head)
+    except FilterError:
+        return start
+    run = smooth(trial, head)
+    row = run.start
     nav = np.concatenate([row[:6], quat_from_euler(*row[6:9])])
     J = euler_axes(*row[6:9])
     P = start.P.copy()
     P[6:9, 6:9] = J @ np.diag(np.maximum(TWICE_USED * row[15:18], MIN_ATTITUDE_SD) ** 2) @ J.T
-    return replace(start, nav=nav, P=P)
+    states = dict(start.states)
+    if "gyro_bias" in trial.layout:
+        where = slice(
+            *(
+                i - NAVIGATION_STATES
+                for i in (trial.layout.slice("gyro_bias").start, trial.layout.slice("gyro_bias").stop)
+            )
+        )
+        states["gyro_bias"] = (run.state_value[0, where], TWICE_USED * run.state_sd[0, where])
+    return replace(start, nav=nav, P=P, states=states)
 
 
 def _likeliest_heading(
@@ -129,13 +144,15 @@ def _log_likelihood(
     settings: FilterSettings,
 ) -> float:
     """Log-likelihood of all measurements, up to a constant; minus infinity for a filter that breaks down."""
-    trial = ErrorStateFilter(start, model, sensors, replace(settings, gate_probability=1.0, checkpoints=False))
+    trial = ErrorStateFilter(start, model, sensors, replace(settings, gated=False, checkpoints=False))
     try:
         trial.feed(increments)
     except FilterError:
         return -np.inf
     return -0.5 * sum(
-        entry.nis + 2.0 * float(np.log(entry.sd).sum()) for entry in trial.record.innovations if entry.status == "used"
+        min(entry.nis, MOST_NIS) + 2.0 * float(np.log(entry.sd).sum())
+        for entry in trial.record.innovations
+        if entry.status == "used"
     )
 
 

@@ -1,0 +1,1 @@
+"""Speed and accuracy of navfuse, other tools beside it: ``python -m benchmarks``."""

@@ -1,0 +1,9 @@
+"""Both tables, one after the other."""
+
+from __future__ import annotations
+
+from benchmarks import accuracy, run
+
+if __name__ == "__main__":
+    run.main()
+    accuracy.main()
