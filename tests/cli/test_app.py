@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 import warnings
@@ -67,6 +68,31 @@ def test_an_error_of_the_data_is_one_message(navfuse, pipeline, project_file, tm
     pipeline.run_project = fail
     code, out, err = navfuse("run", project_file, "-o", tmp_path / "out", "-q")
     assert (code, out, err) == (1, "", "error: imu.csv: [bold]row 7[/bold] is odd\n")
+
+
+def test_a_full_disk_is_one_message(navfuse, pipeline, project_file, tmp_path, monkeypatch):
+    """Compiled kernels are written by numba, which knows nothing of our errors."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/the/cache")
+
+    def fail(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    pipeline.run_project = fail
+    code, out, err = navfuse("run", project_file, "-o", tmp_path / "out", "-q")
+    assert (code, out) == (1, "")
+    assert err.startswith("error: /the/cache: cannot be written: No space left on device; make room there")
+    assert err.count("\n") == 1
+
+
+def test_another_error_of_the_operating_system_is_a_defect(pipeline, project_file, tmp_path):
+    def fail(*_, **__):
+        raise OSError(errno.EBADF, "Bad file descriptor")
+
+    pipeline.run_project = fail
+    from navfuse.cli.app import main
+
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        main(["run", str(project_file), "-o", str(tmp_path / "out"), "-q"])
 
 
 def test_a_defect_of_the_program_is_not_hidden(pipeline, project_file, tmp_path):

@@ -6,6 +6,8 @@ command line; 130 interrupted.
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
 import warnings
 from typing import Annotated
@@ -15,6 +17,8 @@ import typer
 from navfuse import __version__
 from navfuse.cli import compare, config, demo, run
 from navfuse.errors import NavfuseError, NavfuseWarning
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 app = typer.Typer(
     name="navfuse",
@@ -60,6 +64,13 @@ def main(arguments: list[str] | None = None) -> None:
             app(arguments, prog_name="navfuse")
         except NavfuseError as error:
             print(f"error: {error}", file=sys.stderr)
+            sys.exit(1)
+        except OSError as error:
+            if error.errno not in _NO_ROOM:
+                raise
+            place = error.filename or os.environ.get("NUMBA_CACHE_DIR", "the cache of compiled kernels")
+            advice = "make room there (NUMBA_CACHE_DIR moves the cache of compiled kernels)"
+            print(f"error: {place}: cannot be written: {error.strerror}; {advice}", file=sys.stderr)
             sys.exit(1)
         except KeyboardInterrupt:
             sys.exit(130)
