@@ -28,7 +28,7 @@ from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.result import Result
 from navfuse.data.start import Known
 from navfuse.data.trajectory import Trajectory
-from navfuse.errors import AlignmentError, FilterError, NavfuseWarning
+from navfuse.errors import AlignmentError, ConfigError, FilterError, NavfuseWarning
 from navfuse.filters.ekf import ErrorStateFilter, FilterSettings
 from navfuse.filters.record import collect
 from navfuse.imu.alignment import Alignment, align
@@ -104,6 +104,12 @@ def process(
                 _warn(note)
         _warn_of_gaps([gap for run in runs for gap in run.filter.record.gaps])
         result = _result(project, gnss, runs)
+        if not len(result.forward):
+            raise ConfigError(
+                f"output.rate_hz = {project.output.rate_hz:g} puts out nothing in the "
+                f"{increments.time[-1] - increments.time[0]:.1f} s of "
+                "the log; give a larger one"
+            )
         for note in run_warnings(result, project.gnss.outages_s):
             _warn(note)
     notes = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, NavfuseWarning))
@@ -229,6 +235,8 @@ def gnss_sensors(project: Project, gnss: GnssLog | None) -> list[AidingSensor]:
     settings = project.gnss
     lever = np.array(settings.lever_arm_m)
     sensors: list[AidingSensor] = []
+    if settings.use == ("velocity",) and gnss.velocity_n is None:
+        raise ConfigError(f'gnss.use = ["velocity"], but {gnss.source} has no velocities; use position')
     if "position" in settings.use:
         sensors.append(GnssPosition(gnss, lever, settings.outages_s, settings.gate_probability))
     if "velocity" in settings.use and gnss.velocity_n is not None and gnss.sd_velocity is not None:

@@ -35,7 +35,8 @@ def test_a_hole_in_the_fixes_is_named_with_what_it_costs():
     times = np.arange(0.0, 100.0)
     text = run_warnings(result(times[(times < 40.0) | (times > 70.0)]))
     assert text == [
-        "no fix was used from 39.0 s to 71.0 s: inertial navigation alone; the standard deviation grows to 4.24 m horizontally"
+        "no fix was used from 39.0 s to 71.0 s: inertial navigation alone; the standard deviation grows to 4.24 m"
+        " horizontally"
     ]
 
 

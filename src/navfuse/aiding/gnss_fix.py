@@ -127,6 +127,12 @@ def linearize_velocity(nav, ecef, l_b, w_ib_b, gyro_bias, gyro_scale, gyro_cross
                 H[a, gyro_cross + j] = rate[3 * a + row] * w_ib_b[column]
 
 
+def _covariance(sd: Array) -> Array:
+    R = np.zeros((3, 3))
+    R.flat[::4] = sd * sd
+    return R
+
+
 class _GnssSensor(AidingSensor):
     def __init__(self, log: GnssLog, lever_arm_b: Array, outages: OutageWindows, gate: float | None):
         self.lever_arm_b = np.asarray(lever_arm_b, dtype=float)
@@ -195,7 +201,7 @@ class GnssPosition(_GnssSensor):
         H = np.zeros((3, nav.layout.size))
         log = self.log
         linearize_position(nav.array, nav.ecef, self.lever_arm_b, log.lat[k], log.lon[k], log.height[k], z, H)
-        return z, H, np.diag(log.sd_position[k] ** 2)
+        return z, H, _covariance(log.sd_position[k])
 
     def jacobian(self, nav: NavState, k: int) -> Array:
         """Matrix H (3, n)."""
@@ -251,7 +257,7 @@ class GnssVelocity(_GnssSensor):
         linearize_velocity(
             nav.array, nav.ecef, self.lever_arm_b, nav.w_ib_b, bias, scale, coupling, self.velocity_n[k], z, H
         )
-        return z, H, np.diag(self.sd_velocity[k] ** 2)
+        return z, H, _covariance(self.sd_velocity[k])
 
     def jacobian(self, nav: NavState, k: int) -> Array:
         """Matrix H (3, n)."""

@@ -145,3 +145,8 @@ def reset_attitude(P, dpsi):
         P[c, 6] = a + y * d - z * b
         P[c, 7] = b + z * a - x * d
         P[c, 8] = d + x * b - y * a
+    for i in range(6, 9):
+        for j in range(6, i):
+            v = 0.5 * (P[i, j] + P[j, i])
+            P[i, j] = v
+            P[j, i] = v

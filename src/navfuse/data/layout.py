@@ -98,6 +98,11 @@ class Layout:
         """Index of the first state of a block; KeyError if it is not in the layout."""
         return self._offsets[name][0]
 
+    def find(self, name: str) -> int:
+        """Index of the first state of a block; -1 if it is not in the layout."""
+        found = self._offsets.get(name)
+        return -1 if found is None else found[0]
+
     def slice(self, name: str) -> slice:
         """Where a block stands in the state vector; KeyError if it is not in the layout."""
         start, size = self._offsets[name]

@@ -90,23 +90,34 @@ def to_ned(nav):
     return out
 
 
+_GYRO_BLOCKS = ("gyro_bias", "gyro_scale", "gyro_cross")
+_ACCEL_BLOCKS = ("accel_bias", "accel_scale", "accel_cross")
+
+
 def corrected_rates(layout: Layout, w_ib_b: Array, f_b: Array, delta: Array) -> tuple[Array, Array]:
     """Angular rate and specific force (3,) after the estimates of the sensor errors changed by `delta` (n,).
 
     dw = -db_g - M_g w, df = -db_a - M_a f, to first order in the scale and coupling errors.
     """
-    out = []
-    for sensor, value in (("gyro", w_ib_b), ("accel", f_b)):
-        change = np.zeros(3)
-        if f"{sensor}_bias" in layout:
-            change -= delta[layout.slice(f"{sensor}_bias")]
-        if f"{sensor}_scale" in layout:
-            change -= delta[layout.slice(f"{sensor}_scale")] * value
-        if f"{sensor}_cross" in layout:
-            for d, (row, column) in zip(delta[layout.slice(f"{sensor}_cross")], CROSS_PAIRS, strict=True):
-                change[row] -= d * value[column]
-        out.append(value + change)
-    return out[0], out[1]
+    rates = np.empty((2, 3))
+    _correct_rate(w_ib_b, delta, *(layout.find(name) for name in _GYRO_BLOCKS), rates[0])
+    _correct_rate(f_b, delta, *(layout.find(name) for name in _ACCEL_BLOCKS), rates[1])
+    return rates[0], rates[1]
+
+
+@njit(cache=True)
+def _correct_rate(value, delta, bias, scale, cross, out):
+    """One sensor's part of :func:`corrected_rates`; a block that starts at -1 is not there. No checks are made."""
+    for i in range(3):
+        out[i] = value[i]
+        if bias >= 0:
+            out[i] -= delta[bias + i]
+        if scale >= 0:
+            out[i] -= delta[scale + i] * value[i]
+    if cross >= 0:
+        for k in range(6):
+            row, column = CROSS_PAIRS[k]
+            out[row] -= delta[cross + k] * value[column]
 
 
 class NavState:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -232,7 +233,7 @@ class ErrorStateFilter:
         self._out_next += 1
 
     def _close(self, increments: ImuIncrements, at: int, updates: tuple[Update, ...]) -> None:
-        if not np.isfinite(self.nav.sum()):
+        if not isfinite(self.nav.sum()):
             raise FilterError(
                 f"the navigation state is no longer finite at {self.time:.3f} s; look at the inertial data before it"
             )
@@ -252,7 +253,7 @@ class ErrorStateFilter:
         self._keep_checkpoint(updates, at)
         self.record.state_time.append(self.time)
         self.record.state_value.append(self.s + self.x[9:])
-        self.record.state_sd.append(np.sqrt(np.diagonal(self.P)[9:]))
+        self.record.state_sd.append(np.sqrt(self.P.diagonal()[9:]))
 
     def _keep_checkpoint(self, updates: tuple[Update, ...], at: int = 0) -> None:
         if self.settings.checkpoints:
@@ -329,20 +330,20 @@ class ErrorStateFilter:
         keeper = self._gates[which]
         gate = keeper.limit(d)
         nis = update(self.P, H, R, z, -1.0 if withheld else gate, self._held, K, S, Sinv, dx)
-        if not np.isfinite(nis):
+        if not isfinite(nis):
             raise FilterError(
                 f"{sensor.name} measurement {k} at {time:.3f} s cannot be used: its innovation covariance is not "
                 "positive definite or a value "
                 "is not finite; look at its noise and at the start covariance"
             )
-        sd = np.sqrt(np.diagonal(S))
+        sd = np.sqrt(S.diagonal())
         status = WITHHELD if withheld else USED if nis <= gate else REJECTED
         if not withheld:
             keeper.watch(nis / d, time)
         if status == REJECTED and keeper.reject(time):
             self._loosen(1.01 * nis / gate)
             nis_after = update(self.P, H, R, z, np.inf, self._held, K, S, Sinv, dx)
-            if not np.isfinite(nis_after):
+            if not isfinite(nis_after):
                 raise FilterError(f"the covariance is no longer positive definite at {time:.3f} s")
             status = RESET
             self._note_reset(sensor.name, keeper, time)

@@ -97,7 +97,13 @@ def align(
     known = known or Known()
     time = _start_time(increments, gnss, known)
     first = int(np.searchsorted(increments.time, time - 1e-6))
-    rest = increments.piece(first)
+    rest = increments.piece(min(first, len(increments)))
+    if len(rest) < 2:
+        raise AlignmentError(
+            f"no inertial data are left after {time:.3f} s, the first moment with a usable fix; look at "
+            "gnss.outages_s and at "
+            "the spans of both logs"
+        )
     time = float(rest.time[0])
     standing_s = standing_time(rest, gnss, model)
     notes: list[str] = []

@@ -88,7 +88,7 @@ def covariance_step(work, places, inertial, acc, nav, ecef, track):
     _half_noise(work, places, T)
     if track:
         for tile in range(tiles):
-            _transition_rows(work[(tiles + tile) * size :], work, acc, TILE)
+            _transition_rows(work[(tiles + tile) * size :], work, acc, min(TILE, size))
             if inertial > PAIR:
                 _add_cross_rows(work[(tiles + tile) * size :], work, acc, TILE)
         for i in range(places):

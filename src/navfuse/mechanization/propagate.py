@@ -265,6 +265,6 @@ class Propagator:
 def identity_transition(n: int) -> np.ndarray:
     """The (10, n) form of an identity transition: nine navigation rows, then the diagonal of the remaining states."""
     F = np.zeros((10, n))
-    F[:9, :9] = np.eye(9)
+    F.flat[: 9 * n : n + 1] = 1.0
     F[9] = 1.0
     return F

@@ -32,6 +32,7 @@ from navfuse.filters.ekf import ErrorStateFilter
 from navfuse.filters.record import Checkpoint, trajectory_from_rows
 from navfuse.imu.increments import ImuIncrements
 from navfuse.mechanization.propagate import TIME_TOLERANCE, identity_transition
+from navfuse.smoothers.adjoint import back_across_rows, tile_space
 
 Array = np.ndarray
 
@@ -58,33 +59,6 @@ class SmoothedRun:
     state_time: Array
     state_value: Array
     state_sd: Array
-
-
-@njit(cache=True)
-def _back_across_transition(F, lam, Lam, work):
-    """Lam <- F^T lam, Lam <- F^T Lam F for F in the (10, n) form of identity_transition. No checks are made."""
-    n = lam.size
-    for c in range(n):
-        v = 0.0
-        for r in range(9):
-            v += F[r, c] * lam[r]
-        work[0, c] = v + F[9, c] * lam[c] if c >= 9 else v
-    for c in range(n):
-        lam[c] = work[0, c]
-    for i in range(n):
-        for c in range(n):
-            work[i, c] = Lam[i, c] * F[9, c] if c >= 9 else 0.0
-        for r in range(9):
-            v = Lam[i, r]
-            for c in range(n):
-                work[i, c] += v * F[r, c]
-    for i in range(n):
-        for c in range(n):
-            Lam[i, c] = F[9, i] * work[i, c] if i >= 9 else 0.0
-        for r in range(9):
-            v = F[r, i]
-            for c in range(n):
-                Lam[i, c] += v * work[r, c]
 
 
 @njit(cache=True)
@@ -149,15 +123,6 @@ def _uncorrelate_direction(held, P):
         for i in range(3):
             for j in range(3):
                 P[row, 6 + i, 6 + j] += variance * held[i] * held[j]
-
-
-@njit(cache=True)
-def _back_across_rows(rows, x, P, F, held, lam, Lam, out_x, out_P, work):
-    """Smooth rows in reverse, carrying the adjoint back over the transition that leads to each. No checks are made."""
-    for row in range(rows - 1, -1, -1):
-        _smooth_rows(x, P, lam, Lam, row, out_x, out_P, work)
-        _back_across_transition(F[row], lam, Lam, work)
-        _drop_direction(held, lam, Lam)
 
 
 @njit(cache=True)
@@ -267,6 +232,7 @@ def smooth(
             raise ConfigError("the increments are not those that the filter was fed, all of them, since its start")
     n = record.layout.size
     lam, Lam, work = np.zeros(n), np.zeros((n, n)), np.zeros((n + 13, n))
+    tiles = tile_space(n)
     pool: list[tuple[Array, ...]] = []
     times: list[Array] = []
     pieces: list[Array] = []
@@ -276,7 +242,7 @@ def smooth(
     for k, (checkpoint, t_end) in enumerate(zip(reversed(record.checkpoints), reversed(boundaries), strict=True)):
         if progress is not None and k % 200 == 0:
             progress(k / len(boundaries))
-        _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, pool, times, pieces)
+        _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, tiles, pool, times, pieces)
         value, sd = np.empty(n - 9), np.empty(n - 9)
         _smooth_states(checkpoint.s, checkpoint.x, checkpoint.P, lam, Lam, value, sd)
         value_times.append(checkpoint.time)
@@ -297,7 +263,7 @@ def smooth(
     )
 
 
-def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, pool, times, pieces) -> None:
+def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, tiles, pool, times, pieces) -> None:
     """Propagate again from a checkpoint to `t_end`, then smooth the outputs in between and at the checkpoint, last
     first.
     """
@@ -320,13 +286,13 @@ def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, pool
         runs.append(rows)
         if rows < capacity or capacity == 0:
             break
-    _back_across_transition(F, lam, Lam, work)
-    _drop_direction(checkpoint.held, lam, Lam)
+    nothing = (np.empty((0, 9)), np.empty((0, 9, 9)))
+    back_across_rows(1, x[None], P[None, :9], F[None], checkpoint.held, lam, Lam, *nothing, tiles)
     for (time, row_nav, row_x, row_P, row_F), rows in zip(reversed(pool[: len(runs)]), reversed(runs), strict=True):
         if rows:
             x_s, P_s, out = np.empty((rows, 9)), np.empty((rows, 9, 9)), np.empty((rows, 18))
             _uncorrelate_direction(checkpoint.held, row_P[:rows])
-            _back_across_rows(rows, row_x, row_P, row_F, checkpoint.held, lam, Lam, x_s, P_s, work)
+            back_across_rows(rows, row_x, row_P, row_F, checkpoint.held, lam, Lam, x_s, P_s, tiles)
             describe_rows(row_nav[:rows], x_s, P_s, settings.ecef, out)
             times.append(time[:rows].copy())
             pieces.append(out)
