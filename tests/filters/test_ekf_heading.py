@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
-from navfuse.data.start import Start
+from navfuse.data.start import Known, Start
 from navfuse.filters.ekf import FilterSettings
 from navfuse.imu.alignment import align
 from navfuse.imu.grades import GRADES
@@ -60,7 +60,7 @@ def test_ten_minutes_at_rest_teach_no_heading(grade, sd_level, mode, velocity):
     assert np.degrees(back.sd_attitude[:, 2].min()) > 100.0
 
 
-def tilt_at_rest(grade, mode, runs=12):
+def tilt_at_rest(grade, mode, runs=24):
     """Root mean square of roll and pitch errors over their deviations after ten minutes."""
     ratios = []
     for seed in range(runs):
@@ -93,3 +93,18 @@ def test_roll_and_pitch_of_a_poor_sensor_stay_honest_at_rest_in_an_open_loop():
 )
 def test_roll_and_pitch_of_a_poor_sensor_stay_honest_at_rest_in_a_closed_loop():
     assert tilt_at_rest("consumer", {}) < 1.5
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(
+    reason="a heading known to 25 deg is not held: minutes at rest shrink its deviation to 8 deg without reason; "
+    "a start found in the log is better than that or unknown"
+)
+def test_ten_minutes_at_rest_teach_nothing_about_a_heading_half_known():
+    logs = simulate(static(600.0, heading=2.0), GRADES["industrial-mems"], 1, imu_rate=50.0)
+    increments = to_increments(logs.imu)
+    known = Known(heading=2.3, sd_attitude=np.radians([0.3, 0.3, 25.0]))
+    start = align(increments, logs.gnss, GRADES["industrial-mems"], np.zeros(3), known).start
+    sensors = [GnssPosition(logs.gnss), GnssVelocity(logs.gnss)]
+    filter_ = run_filter(start, GRADES["industrial-mems"], sensors, increments)
+    assert np.degrees(filter_.record.trajectory().sd_attitude[-1, 2]) > 22.0

@@ -71,26 +71,21 @@ def covariance_step(work, places, inertial, acc, nav, ecef, track):
     _half_noise(work, places, T)
     frame_rates(nav, ecef, work)
     _step_coefficients(work, acc)
-    _transition_rows(work, work, acc, min(TILE, (FIRST + places + 3) // 4 * 4))
-    for tile in range(1, tiles):
-        _transition_rows(work[tile * size :], work, acc, min(TILE, (FIRST + places - tile * TILE + 3) // 4 * 4))
-    if inertial > PAIR:
-        for tile in range(tiles):
-            _add_cross_rows(work[tile * size :], work, acc, TILE)
+    for tile in range(2 * tiles if track else tiles):
+        columns = min(TILE, (FIRST + places - tile % tiles * TILE + 3) // 4 * 4)
+        _transition_rows(work[tile * size :], work, acc, columns)
+        if inertial > PAIR:
+            _add_cross_rows(work[tile * size :], work, acc, columns)
     _transition_columns(work, size, acc, inertial > PAIR)
     for tile in range(tiles):
         _scale(work[tile * size :], work[(2 * tiles + tile) * size :], size)
     _take_block(work)
-    _mirror(work, FIRST, min(TILE - FIRST, places), 0)
-    for tile in range(1, tiles):
-        first = tile * TILE - FIRST
-        _mirror(work, tile * size, min(TILE, places - first), first)
+    for tile in range(tiles):
+        column = FIRST if tile == 0 else 0
+        place = tile * TILE + column - FIRST
+        _mirror(work, tile * size + column, min(TILE - column, places - place), place)
     _half_noise(work, places, T)
     if track:
-        for tile in range(tiles):
-            _transition_rows(work[(tiles + tile) * size :], work, acc, min(TILE, size))
-            if inertial > PAIR:
-                _add_cross_rows(work[(tiles + tile) * size :], work, acc, TILE)
         for i in range(places):
             column = FIRST + i
             row = (tiles + column // TILE) * size + PLACES + i * TILE
