@@ -89,7 +89,7 @@ def test_counts_and_what_is_tested():
     assert found.counts == {"used": 4, "rejected": 1, "withheld": 3, "late": 1, "reset": 1}
     assert found.n == 4
     assert found.mean_nis_per_dof == pytest.approx(1.0)
-    assert found.mean_nis_per_dof_with_rejected == pytest.approx((4 * 3 + 300) / 15)
+    assert found.mean_nis_per_dof_with_rejected == pytest.approx((5 * 3 + 300) / 18)
 
 
 def test_excluded_windows_are_half_open_and_only_leave_the_test():

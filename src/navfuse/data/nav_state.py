@@ -100,8 +100,9 @@ def corrected_rates(layout: Layout, w_ib_b: Array, f_b: Array, delta: Array) -> 
     dw = -db_g - M_g w, df = -db_a - M_a f, to first order in the scale and coupling errors.
     """
     rates = np.empty((2, 3))
-    _correct_rate(w_ib_b, delta, *(layout.find(name) for name in _GYRO_BLOCKS), rates[0])
-    _correct_rate(f_b, delta, *(layout.find(name) for name in _ACCEL_BLOCKS), rates[1])
+    for values, blocks, out in ((w_ib_b, _GYRO_BLOCKS, rates[0]), (f_b, _ACCEL_BLOCKS, rates[1])):
+        bias, scale, cross = (layout.find(name) for name in blocks)
+        _correct_rate(values, delta, bias, scale, cross, out)
     return rates[0], rates[1]
 
 

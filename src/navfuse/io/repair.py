@@ -102,7 +102,7 @@ def silent_rows(gyro: Array, accel: Array) -> Array:
     if np.count_nonzero(stuck & ~zero) >= STUCK_SHARE * stuck.size:
         stuck[:] = False
     if zero.mean() >= 0.5:
-        zero[:] = False
+        zero = np.zeros_like(stuck)
     return zero | stuck
 
 

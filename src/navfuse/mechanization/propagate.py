@@ -236,6 +236,7 @@ class Propagator:
 
     def advance(self, increments, i, t, t_end, nav, s, x, P, F, acc, out_next, out, last):
         """Call :func:`propagate`; `out` comes from :meth:`buffers`, and F is tracked if it has rows."""
+        time, nav_rows, x_rows, P_rows, F_rows = out
         return propagate(
             increments.time,
             increments.inc_theta_b,
@@ -257,7 +258,11 @@ class Propagator:
             self.covariance_period,
             self.output_period,
             out_next,
-            *out,
+            time,
+            nav_rows,
+            x_rows,
+            P_rows,
+            F_rows,
             last,
         )
 
