@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
 from navfuse.errors import ConfigError
-from navfuse.filters.ekf import FilterSettings
+from navfuse.filters.ekf import ErrorStateFilter, FilterSettings
 from navfuse.imu.increments import to_increments
 from navfuse.simulation import car_drive, circle_flight, gnss_fixes, simulate
 from navfuse.smoothers.rts import smooth
@@ -196,6 +196,27 @@ def test_smoothed_attitude_is_near_the_truth():
     apart = Rotation.from_matrix(estimate @ truth.transpose(0, 2, 1)).magnitude()
     assert apart.max() < np.radians(2.0)
     assert apart[-1] < np.radians(0.5)
+
+
+@pytest.mark.parametrize("at", [650, 653], ids=["saved after a step", "saved within a covariance step"])
+def test_a_restored_filter_is_smoothed_back_to_where_it_was_saved(at):
+    options = FilterSettings(checkpoints=True)
+    whole = run(options)[1].trajectory
+    increments = cut(INCREMENTS, 250)
+    start = start_at(LOGS.motion, 5.0, *SD, np.random.default_rng(4))
+    outages = ((30.0, 40.0),)
+    sensors = [GnssPosition(LOGS.gnss, LEVER, outages=outages), GnssVelocity(LOGS.gnss, LEVER, outages=outages)]
+    head = run_filter(start, MEMS, sensors, cut(increments, 0, at), options)
+    tail = ErrorStateFilter(start, MEMS, sensors, options)
+    tail.restore(head.state())
+    tail.feed(cut(increments, at))
+    back = smooth(tail, cut(increments, at)).trajectory
+    common = np.searchsorted(whole.time, back.time - 1e-6)
+    assert back.time[-1] == whole.time[-1]
+    assert back.time[0] <= increments.time[at] + 0.1
+    assert np.abs(whole.lat[common] - back.lat).max() * 6.4e6 < 1e-3
+    assert np.abs(whole.velocity_n[common] - back.velocity_n).max() < 1e-4
+    np.testing.assert_allclose(back.sd_position, whole.sd_position[common], rtol=2e-3)
 
 
 def test_a_filter_without_checkpoints_cannot_be_smoothed():

@@ -47,17 +47,19 @@ def predict_position(nav, ecef, l_b):
 
 
 @njit(cache=True)
-def linearize_position(nav, ecef, l_b, lat, lon, h, z, H):
-    """Innovation (3,) north, east, down [m] and its matrix H (3, n) of an antenna position, written into `z` and `H`.
+def linearize_position(nav, ecef, l_b, fix, z, H, R):
+    """Innovation (3,) north, east, down [m] of an antenna position, its matrix H (3, n) and covariance R (3, 3).
 
-    z = C_ne (r_measured - r_e - C_eb l_b);  dz = C_nm (dr - [C_mb l_b x] psi). `H` must be zero beyond the ninth
-    column. No checks are made.
+    z = C_ne (r_measured - r_e - C_eb l_b);  dz = C_nm (dr - [C_mb l_b x] psi). `fix` (6,) holds latitude, longitude
+    [rad], height [m] and their deviations [m]. Written into `z`, `H` and `R`, of which the last two must be zero
+    before. No checks are made.
     """
     _, C_nm, l, r, C_en = _antenna(nav, ecef, l_b)
-    m = geodetic_to_ecef(lat, lon, h)
+    m = geodetic_to_ecef(fix[0], fix[1], fix[2])
     z[0], z[1], z[2] = mat_t_vec(C_en, (m[0] - r[0], m[1] - r[1], m[2] - r[2]))
     lx = mat_mul(C_nm, (0.0, -l[2], l[1], l[2], 0.0, -l[0], -l[1], l[0], 0.0))
     for a in range(3):
+        R[a, a] = fix[3 + a] ** 2
         for b in range(3):
             H[a, b] = C_nm[3 * a + b]
             H[a, 6 + b] = -lx[3 * a + b]
@@ -82,19 +84,20 @@ def predict_velocity(nav, ecef, l_b, w_ib_b):
 
 
 @njit(cache=True)
-def linearize_velocity(nav, ecef, l_b, w_ib_b, gyro_bias, gyro_scale, gyro_cross, measured, z, H):
-    """Innovation (3,) and its matrix H (3, n) of an antenna velocity, resolved in n [m/s], written into `z` and `H`.
+def linearize_velocity(nav, ecef, l_b, w_ib_b, gyro_bias, gyro_scale, gyro_cross, fix, z, H, R):
+    """Innovation (3,) of an antenna velocity, resolved in n [m/s], its matrix H (3, n) and covariance R (3, 3).
 
     v_a = v + C_mb (w_ib_b x l_b) - w_ie x C_mb l_b, hence with dw = -db_g - dM_g w
 
         dv_a = dv - [C_mb (w x l) x] psi + w_ie x [C_mb l x] psi - C_mb [l x] dw.
 
-    `gyro_bias`, `gyro_scale` and `gyro_cross` are the first column of those states, or -1. `H` must be zero
-    elsewhere. No checks are made.
+    `fix` (6,) holds the velocity and its deviations; `gyro_bias`, `gyro_scale` and `gyro_cross` are the first column of
+    those states, or -1. Written into `z`, `H` and `R`, of which the last two must be zero before. No checks are made.
     """
     v, C_mb, C_nm, l, wl, ie = _antenna_velocity(nav, ecef, l_b, w_ib_b)
     for a in range(3):
-        z[a] = measured[a] - v[a]
+        z[a] = fix[a] - v[a]
+        R[a, a] = fix[3 + a] ** 2
     skew_wl = (0.0, -wl[2], wl[1], wl[2], 0.0, -wl[0], -wl[1], wl[0], 0.0)
     skew_ie = (0.0, -ie[2], ie[1], ie[2], 0.0, -ie[0], -ie[1], ie[0], 0.0)
     skew_l = (0.0, -l[2], l[1], l[2], 0.0, -l[0], -l[1], l[0], 0.0)
@@ -127,13 +130,10 @@ def linearize_velocity(nav, ecef, l_b, w_ib_b, gyro_bias, gyro_scale, gyro_cross
                 H[a, gyro_cross + j] = rate[3 * a + row] * w_ib_b[column]
 
 
-def _covariance(sd: Array) -> Array:
-    R = np.zeros((3, 3))
-    R.flat[::4] = sd * sd
-    return R
-
-
 class _GnssSensor(AidingSensor):
+    log: GnssLog
+    fixes: Array
+
     def __init__(self, log: GnssLog, lever_arm_b: Array, outages: OutageWindows, gate: float | None):
         self.lever_arm_b = np.asarray(lever_arm_b, dtype=float)
         self.outages = outages
@@ -141,8 +141,7 @@ class _GnssSensor(AidingSensor):
         self._take(log)
 
     def _take(self, log: GnssLog) -> None:
-        self.log = log
-        self.times = log.time
+        raise NotImplementedError
 
     def extend(self, block: GnssLog) -> None:
         """Take in later fixes, as they arrive in a live run; feed them before the increments that pass their time."""
@@ -150,7 +149,7 @@ class _GnssSensor(AidingSensor):
 
     def withheld(self, k: int) -> bool:
         """True inside an outage window [from, to)."""
-        return any(start <= self.times[k] < end for start, end in self.outages)
+        return bool(self.outages) and any(start <= self.times[k] < end for start, end in self.outages)
 
 
 class GnssPosition(_GnssSensor):
@@ -178,9 +177,14 @@ class GnssPosition(_GnssSensor):
     ):
         super().__init__(log, lever_arm_b, outages, gate)
 
+    def _take(self, log: GnssLog) -> None:
+        self.log = log
+        self.times = log.time
+        self.fixes = np.column_stack([log.lat, log.lon, log.height, log.sd_position])
+
     def value(self, k: int) -> Array:
         """Measured latitude, longitude [rad], height [m]."""
-        return np.array([self.log.lat[k], self.log.lon[k], self.log.height[k]])
+        return self.fixes[k, :3]
 
     def predict(self, nav: NavState, k: int) -> Array:
         """Latitude, longitude [rad], height [m] of the antenna."""
@@ -188,7 +192,7 @@ class GnssPosition(_GnssSensor):
 
     def noise(self, k: int) -> Array:
         """Standard deviations north, east, down [m]."""
-        return self.log.sd_position[k]
+        return self.fixes[k, 3:]
 
     def subtract(self, measured: Array, predicted: Array) -> Array:
         """Difference [m] resolved in the north, east, down of the measured position."""
@@ -197,11 +201,9 @@ class GnssPosition(_GnssSensor):
 
     def linearize(self, nav: NavState, k: int) -> tuple[Array, Array, Array]:
         """See :class:`navfuse.aiding.AidingSensor`."""
-        z = np.empty(3)
-        H = np.zeros((3, nav.layout.size))
-        log = self.log
-        linearize_position(nav.array, nav.ecef, self.lever_arm_b, log.lat[k], log.lon[k], log.height[k], z, H)
-        return z, H, _covariance(log.sd_position[k])
+        z, H, R = np.empty(3), np.zeros((3, nav.layout.size)), np.zeros((3, 3))
+        linearize_position(nav.array, nav.ecef, self.lever_arm_b, self.fixes[k], z, H, R)
+        return z, H, R
 
     def jacobian(self, nav: NavState, k: int) -> Array:
         """Matrix H (3, n)."""
@@ -227,8 +229,7 @@ class GnssVelocity(_GnssSensor):
         self.log = log
         self.rows = np.flatnonzero(np.all(np.isfinite(log.velocity_n), axis=1))
         self.times = log.time[self.rows]
-        self.velocity_n = log.velocity_n[self.rows]
-        self.sd_velocity = log.sd_velocity[self.rows]
+        self.fixes = np.column_stack([log.velocity_n, log.sd_velocity])[self.rows]
 
     def log_row(self, k: int) -> int:
         """Row in the log: fixes without a velocity are not counted in k."""
@@ -236,7 +237,7 @@ class GnssVelocity(_GnssSensor):
 
     def value(self, k: int) -> Array:
         """Measured velocity [m/s], north, east, down."""
-        return self.velocity_n[k]
+        return self.fixes[k, :3]
 
     def predict(self, nav: NavState, k: int) -> Array:
         """Velocity [m/s] of the antenna, north, east, down."""
@@ -244,20 +245,16 @@ class GnssVelocity(_GnssSensor):
 
     def noise(self, k: int) -> Array:
         """Standard deviations [m/s], north, east, down."""
-        return self.sd_velocity[k]
+        return self.fixes[k, 3:]
 
     def linearize(self, nav: NavState, k: int) -> tuple[Array, Array, Array]:
         """See :class:`navfuse.aiding.AidingSensor`."""
-        z = np.empty(3)
         layout = nav.layout
-        H = np.zeros((3, layout.size))
-        bias, scale, coupling = (
-            layout.offset(name) if name in layout else -1 for name in ("gyro_bias", "gyro_scale", "gyro_cross")
-        )
-        linearize_velocity(
-            nav.array, nav.ecef, self.lever_arm_b, nav.w_ib_b, bias, scale, coupling, self.velocity_n[k], z, H
-        )
-        return z, H, _covariance(self.sd_velocity[k])
+        z, H, R = np.empty(3), np.zeros((3, layout.size)), np.zeros((3, 3))
+        bias, scale, coupling = layout.find("gyro_bias"), layout.find("gyro_scale"), layout.find("gyro_cross")
+        fix = self.fixes[k]
+        linearize_velocity(nav.array, nav.ecef, self.lever_arm_b, nav.w_ib_b, bias, scale, coupling, fix, z, H, R)
+        return z, H, R
 
     def jacobian(self, nav: NavState, k: int) -> Array:
         """Matrix H (3, n)."""

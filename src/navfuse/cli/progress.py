@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from navfuse import _numba_cache
+from navfuse import _numba_cache, _warm_up
 
 Report = Callable[[str, float], None]
 """Called with the name of the stage and the fraction of it that is done, 0 to 1."""
@@ -50,11 +50,14 @@ def progress(quiet: bool = False) -> Iterator[Report]:
 
 
 def announce_compilation(quiet: bool = False) -> None:
-    """Say what a first run waits for."""
-    if not quiet and _numba_cache.is_cold():
+    """Say what a first run waits for, and put a second core to work on it."""
+    if not _numba_cache.is_cold():
+        return
+    if not quiet:
         print(
             "compiling the numerical kernels, once for this version: about 20 s more ...", file=sys.stderr, flush=True
         )
+    _warm_up.start()
 
 
 def _nothing(stage: str, fraction: float) -> None:

@@ -76,7 +76,7 @@ def normal_gravity(sin_lat, height):
     """
     s2 = sin_lat * sin_lat
     surface = GAMMA_EQUATOR * (1.0 + SOMIGLIANA_K * s2) / math.sqrt(1.0 - WGS84_E2 * s2)
-    x = height / WGS84_A
+    x = height * (1.0 / WGS84_A)
     return surface * (1.0 - 2.0 * (1.0 + WGS84_F + GRAVITY_M - 2.0 * WGS84_F * s2) * x + 3.0 * x * x)
 
 

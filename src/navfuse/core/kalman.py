@@ -5,10 +5,11 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numba import njit
+
+from navfuse.core.fused import fused
 
 
-@njit(cache=True)
+@fused
 def update(P, H, R, z, gate, held, K, S, Sinv, dx):
     """Gate a measurement by its normalised innovation squared and, if it passes, update the covariance in place.
 
@@ -43,20 +44,78 @@ def update(P, H, R, z, gate, held, K, S, Sinv, dx):
     """
     n = P.shape[0]
     d = z.size
-    PHt = np.empty((n, d))
-    for i in range(n):
-        for a in range(d):
-            v = 0.0
-            for j in range(n):
-                v += P[i, j] * H[a, j]
-            PHt[i, a] = v
+    G = np.zeros((d, n))
+    for a in range(d):
+        for j in range(n):
+            h = H[a, j]
+            if h != 0.0:
+                for i in range(n):
+                    G[a, i] += h * P[j, i]
     for a in range(d):
         for b in range(a + 1):
             v = R[a, b]
             for j in range(n):
-                v += H[a, j] * PHt[j, b]
+                v += G[a, j] * H[b, j]
             S[a, b] = v
             S[b, a] = v
+    if not _invert(S, Sinv):
+        return np.nan
+    nis = 0.0
+    for a in range(d):
+        for b in range(d):
+            nis += z[a] * Sinv[a, b] * z[b]
+    if not nis <= gate:
+        return nis
+
+    Kt = np.zeros((d, n))
+    for a in range(d):
+        for b in range(d):
+            g = Sinv[a, b]
+            for i in range(n):
+                Kt[a, i] += g * G[b, i]
+        g = held[0] * Kt[a, 6] + held[1] * Kt[a, 7] + held[2] * Kt[a, 8]
+        for i in range(3):
+            Kt[a, 6 + i] -= held[i] * g
+    for i in range(n):
+        v = 0.0
+        for a in range(d):
+            K[i, a] = Kt[a, i]
+            v += Kt[a, i] * z[a]
+        dx[i] = v
+    for i in range(n):
+        for a in range(d):
+            g = K[i, a]
+            for j in range(n):
+                P[i, j] -= g * G[a, j]
+    for a in range(d):
+        for i in range(n):
+            G[a, i] = 0.0
+        for b in range(d):
+            r = R[b, a]
+            for i in range(n):
+                G[a, i] -= r * Kt[b, i]
+        for j in range(n):
+            h = H[a, j]
+            if h != 0.0:
+                for i in range(n):
+                    G[a, i] += h * P[i, j]
+    for i in range(n):
+        for a in range(d):
+            g = G[a, i]
+            for j in range(n):
+                P[i, j] -= g * Kt[a, j]
+    for i in range(n):
+        for j in range(i):
+            v = 0.5 * (P[i, j] + P[j, i])
+            P[i, j] = v
+            P[j, i] = v
+    return nis
+
+
+@fused
+def _invert(S, Sinv):
+    """Inverse of a symmetric matrix S (d, d) into `Sinv`; False if S is not positive definite. No checks are made."""
+    d = S.shape[0]
     L = np.zeros((d, d))
     for a in range(d):
         for b in range(a + 1):
@@ -65,7 +124,7 @@ def update(P, H, R, z, gate, held, K, S, Sinv, dx):
                 v -= L[a, c] * L[b, c]
             if a == b:
                 if not v > 0.0:
-                    return np.nan
+                    return False
                 L[a, a] = sqrt(v)
             else:
                 L[a, b] = v / L[b, b]
@@ -80,53 +139,10 @@ def update(P, H, R, z, gate, held, K, S, Sinv, dx):
             for b in range(a + 1, d):
                 v -= L[b, a] * Sinv[b, c]
             Sinv[a, c] = v / L[a, a]
-    nis = 0.0
-    for a in range(d):
-        for b in range(d):
-            nis += z[a] * Sinv[a, b] * z[b]
-    if not nis <= gate:
-        return nis
-
-    for i in range(n):
-        for a in range(d):
-            g = 0.0
-            for b in range(d):
-                g += PHt[i, b] * Sinv[b, a]
-            K[i, a] = g
-    for a in range(d):
-        g = held[0] * K[6, a] + held[1] * K[7, a] + held[2] * K[8, a]
-        for i in range(3):
-            K[6 + i, a] -= held[i] * g
-    for i in range(n):
-        v = 0.0
-        for a in range(d):
-            v += K[i, a] * z[a]
-        dx[i] = v
-    for i in range(n):
-        for j in range(n):
-            v = P[i, j]
-            for a in range(d):
-                v -= K[i, a] * PHt[j, a]
-            P[i, j] = v
-    for i in range(n):
-        for a in range(d):
-            v = 0.0
-            for j in range(n):
-                v += P[i, j] * H[a, j]
-            for b in range(d):
-                v -= K[i, b] * R[b, a]
-            PHt[i, a] = v
-    for i in range(n):
-        for j in range(i + 1):
-            v = 0.5 * (P[i, j] + P[j, i])
-            for a in range(d):
-                v -= 0.5 * (PHt[i, a] * K[j, a] + PHt[j, a] * K[i, a])
-            P[i, j] = v
-            P[j, i] = v
-    return nis
+    return True
 
 
-@njit(cache=True)
+@fused
 def reset_attitude(P, dpsi):
     """Covariance of the attitude error after the estimate was turned by `dpsi` (3,) [rad], in place.
 

@@ -7,6 +7,7 @@ from numba import njit
 
 from navfuse.core.constants import EARTH_RATE
 from navfuse.core.earth import dcm_en, ecef_to_geodetic, geodetic_to_ecef
+from navfuse.core.kalman import reset_attitude
 from navfuse.core.rotation import (
     dcm_from_quat,
     euler_from_quat,
@@ -90,35 +91,67 @@ def to_ned(nav):
     return out
 
 
-_GYRO_BLOCKS = ("gyro_bias", "gyro_scale", "gyro_cross")
-_ACCEL_BLOCKS = ("accel_bias", "accel_scale", "accel_cross")
+_SENSOR_BLOCKS = ("gyro_bias", "gyro_scale", "gyro_cross", "accel_bias", "accel_scale", "accel_cross")
 
 
-def corrected_rates(layout: Layout, w_ib_b: Array, f_b: Array, delta: Array) -> tuple[Array, Array]:
-    """Angular rate and specific force (3,) after the estimates of the sensor errors changed by `delta` (n,).
-
-    dw = -db_g - M_g w, df = -db_a - M_a f, to first order in the scale and coupling errors.
+def sensor_offsets(layout: Layout) -> Array:
+    """Where the gyro's and the accelerometer's biases, scale factors and couplings begin in a layout, (6,) int array;
+    -1 for what it has not.
     """
-    rates = np.empty((2, 3))
-    for values, blocks, out in ((w_ib_b, _GYRO_BLOCKS, rates[0]), (f_b, _ACCEL_BLOCKS, rates[1])):
-        bias, scale, cross = (layout.find(name) for name in blocks)
-        _correct_rate(values, delta, bias, scale, cross, out)
-    return rates[0], rates[1]
+    return np.array([layout.find(name) for name in _SENSOR_BLOCKS])
 
 
 @njit(cache=True)
-def _correct_rate(value, delta, bias, scale, cross, out):
-    """One sensor's part of :func:`corrected_rates`; a block that starts at -1 is not there. No checks are made."""
-    for i in range(3):
-        out[i] = value[i]
-        if bias >= 0:
-            out[i] -= delta[bias + i]
-        if scale >= 0:
-            out[i] -= delta[scale + i] * value[i]
-    if cross >= 0:
-        for k in range(6):
-            row, column = CROSS_PAIRS[k]
-            out[row] -= delta[cross + k] * value[column]
+def correct_rates(rates, d, offsets):
+    """Correct angular rate and specific force (6,) for a change `d` (n,) of the estimated sensor errors, in place.
+
+    dw = -db_g - M_g w, df = -db_a - M_a f, to first order in the scale and coupling errors. `offsets` comes from
+    :func:`sensor_offsets`. No checks are made.
+    """
+    for sensor in range(2):
+        bias, scale, coupling = offsets[3 * sensor], offsets[3 * sensor + 1], offsets[3 * sensor + 2]
+        at = 3 * sensor
+        before = (rates[at], rates[at + 1], rates[at + 2])
+        for i in range(3):
+            if bias >= 0:
+                rates[at + i] -= d[bias + i]
+            if scale >= 0:
+                rates[at + i] -= d[scale + i] * before[i]
+        if coupling >= 0:
+            for k in range(6):
+                row, column = CROSS_PAIRS[k]
+                rates[at + row] -= d[coupling + k] * before[column]
+
+
+@njit(cache=True)
+def apply_correction(nav, states, rates, P, d, offsets, ecef):
+    """Apply an error estimate to all that a filter carries, in place.
+
+    Parameters
+    ----------
+    nav : (10,) array
+        Navigation state, NED or ECEF.
+    states : (n - 9,) array
+        Estimates of the states after the ninth.
+    rates : (6,) array
+        Angular rate [rad/s] and specific force [m/s^2].
+    P : (n, n) array
+        Covariance of the errors, turned with the attitude: see :func:`navfuse.core.kalman.reset_attitude`.
+    d : (n,) array
+        Error estimate.
+    offsets : (6,) int array
+        From :func:`sensor_offsets`.
+    ecef : bool
+
+    Notes
+    -----
+    No checks are made.
+    """
+    boxplus_navigation(nav, d, ecef)
+    for i in range(states.size):
+        states[i] += d[9 + i]
+    correct_rates(rates, d, offsets)
+    reset_attitude(P, d[6:9])
 
 
 class NavState:
@@ -226,11 +259,10 @@ class NavState:
         """The state corrected by an error vector (n,), true minus estimate, in the order of `layout`."""
         array = self.array.copy()
         boxplus_navigation(array, delta, self.ecef)
-        moved = NavState(
-            self.time, array, self.ecef, self.states + delta[NAVIGATION_STATES:], self.layout, self.w_ib_b, self.f_b
-        )
-        moved.w_ib_b, moved.f_b = corrected_rates(self.layout, self.w_ib_b, self.f_b, delta)
-        return moved
+        rates = np.concatenate([self.w_ib_b, self.f_b])
+        correct_rates(rates, delta, sensor_offsets(self.layout))
+        states = self.states + delta[NAVIGATION_STATES:]
+        return NavState(self.time, array, self.ecef, states, self.layout, rates[:3], rates[3:])
 
 
 @njit(cache=True)

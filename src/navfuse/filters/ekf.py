@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
@@ -10,12 +10,14 @@ import numpy as np
 
 from navfuse.aiding.base import AidingSensor
 from navfuse.core.earth import dcm_en
-from navfuse.core.kalman import reset_attitude, update
+from navfuse.core.kalman import update
 from navfuse.data.layout import NAVIGATION_STATES, Layout
-from navfuse.data.nav_state import NavState, boxplus_navigation, corrected_rates, describe_rows, to_ecef, to_ned
+from navfuse.data.nav_state import NavState, apply_correction, sensor_offsets, to_ecef
 from navfuse.data.start import Start
 from navfuse.errors import ConfigError, FilterError
 from navfuse.filters.gate import Gate
+from navfuse.filters.heading_hold import HeadingHold
+from navfuse.filters.output import OutputBuffer
 from navfuse.filters.record import LATE, REJECTED, RESET, USED, WITHHELD, Checkpoint, FilterRecord, Innovation, Update
 from navfuse.filters.settings import FilterSettings
 from navfuse.imu.error_model import ImuErrorModel
@@ -27,12 +29,9 @@ from navfuse.timeline import merge_events
 
 Array = np.ndarray
 
-OUTPUT_ROWS = 64
 RESET_ATTITUDE_SD = np.radians(10.0)
 GAP_FULL_S = 0.5
 DOUBT_S = 10.0
-HELD_HEADING_SD = np.radians(45.0)
-MOVING_SPEED = 1.0
 LINEAR_ATTITUDE = np.radians(1.0)
 LINEAR_POSITION = 5000.0
 POLAR_LATITUDE = np.radians(89.95)
@@ -109,25 +108,25 @@ class ErrorStateFilter:
                 self.s[where.start - NAVIGATION_STATES : where.stop - NAVIGATION_STATES] = value
                 self.P[range(where.start, where.stop), range(where.start, where.stop)] = np.square(sd)
         self.x = np.zeros(n)
+        self._offsets = sensor_offsets(layout)
         self._acc = self.propagator.accumulator()
         self._last = np.zeros(6)
         self._linear = True
         self._emitted = self._bridged = -np.inf
-        self._held = np.zeros(3)
-        self._moved = False
-        self._first_velocity = self.nav[3:6].copy()
+        self._hold = HeadingHold(self.nav[3:6])
         self._pointers = [int(np.searchsorted(sensor.times, self.time - TIME_TOLERANCE)) for sensor in self.sensors]
         self._index = 0
         period = settings.output_period
         self._out_next = int(np.ceil(self.time / period - 1e-6)) if period > 0 else 0
         self._F = np.empty((0, n))
-        self._out = self.propagator.buffers(OUTPUT_ROWS if period >= 0 else 0, transitions=False)
+        self._output = OutputBuffer(self.propagator)
         self._gates = [Gate(sensor.gate, settings) for sensor in self.sensors]
         self.record = FilterRecord(layout)
         self._hold_heading()
         self._keep_checkpoint(())
         if period == 0 or (period > 0 and abs(self._out_next * period - self.time) <= TIME_TOLERANCE):
             self._emit()
+            self._output.flush(self.record)
 
     def _rotate_start(self) -> None:
         C = np.kron(np.eye(3), np.array(dcm_en(self.nav[0], self.nav[1])).reshape(3, 3))
@@ -152,32 +151,50 @@ class ErrorStateFilter:
         pending = [
             np.asarray(sensor.times[k:], dtype=float) for sensor, k in zip(self.sensors, self._pointers, strict=True)
         ]
-        time, sensor, row = merge_events([p[: np.searchsorted(p, end + TIME_TOLERANCE, side="right")] for p in pending])
-        row += np.array(self._pointers, dtype=np.int64)[sensor] if row.size else 0
-        stops = self._with_gaps(time, increments)
         if not self._last.any() and len(increments):
             self._foresee_first_rate(increments)
         at = 0
-        k = 0
-        while k < len(stops):
-            t = stops[k][0]
-            first = k
-            while k < len(stops) and stops[k][0] - t <= TIME_TOLERANCE:
-                k += 1
-            group = stops[first:k]
+        for t, measurements, gap in self._stops(pending, increments):
             at = self._advance(increments, at, t)
-            self._bridge(increments, at, ended=any(is_gap for _, is_gap, _ in group))
+            self._bridge(increments, at, ended=gap)
             self._hold_heading()
             updates: list[Update] = []
-            rows = [j for _, is_gap, j in group if not is_gap]
-            late = [self._measure(int(sensor[j]), int(row[j]), float(time[j]), updates) for j in rows]
-            if not all(late) or len(rows) < len(group):
-                self._uncorrelate_held()
+            late = [self._measure(which, k, time, updates) for which, k, time in measurements]
+            if gap or not all(late):
+                if not self._hold.moved:
+                    self._hold.uncorrelate(self.P)
                 self._close(increments, at, tuple(updates))
         following = [p[np.searchsorted(p, end + TIME_TOLERANCE, side="right") :] for p in pending]
         horizon = min((p[0] for p in following if p.size), default=np.inf)
         self._advance(increments, at, max(horizon, end + 2 * TIME_TOLERANCE))
         self._index += increments.inc_theta_b.shape[0]
+        self._output.flush(self.record)
+
+    def _stops(
+        self, pending: list[Array], increments: ImuIncrements
+    ) -> Iterator[tuple[float, list[tuple[int, int, float]], bool]]:
+        """Moments to stop at: time, measurements (sensor, number, time), and whether a gap ends there."""
+        end = increments.time[-1] + TIME_TOLERANCE
+        time, sensor, row = merge_events([p[: np.searchsorted(p, end, side="right")] for p in pending])
+        row += np.array(self._pointers, dtype=np.int64)[sensor] if row.size else 0
+        gaps = increments.time[1:][np.diff(increments.time) > self.settings.gap_s]
+        stops = list(zip(time.tolist(), sensor.tolist(), row.tolist(), strict=True))
+        if gaps.size:
+            stops += [(t, -1, -1) for t in gaps.tolist()]
+            stops.sort(key=lambda stop: (stop[0], stop[1] >= 0))
+        k = 0
+        while k < len(stops):
+            t = stops[k][0]
+            gap = False
+            measurements = []
+            while k < len(stops) and stops[k][0] - t <= TIME_TOLERANCE:
+                moment, which, number = stops[k]
+                if which < 0:
+                    gap = True
+                else:
+                    measurements.append((which, number, moment))
+                k += 1
+            yield t, measurements, gap
 
     def _foresee_first_rate(self, increments: ImuIncrements) -> None:
         """Before the first increment is used, its rate and specific force stand in for those of the one before."""
@@ -188,18 +205,10 @@ class ErrorStateFilter:
                 where = self.layout.slice(name)
                 self._last[part : part + 3] -= self.s[where.start - NAVIGATION_STATES : where.stop - NAVIGATION_STATES]
 
-    def _with_gaps(self, time: Array, increments: ImuIncrements) -> list[tuple[float, bool, int]]:
-        stops = [(float(t), False, j) for j, t in enumerate(time)]
-        gaps = np.flatnonzero(np.diff(increments.time) > self.settings.gap_s)
-        if gaps.size:
-            stops += [(float(increments.time[g + 1]), True, -1) for g in gaps]
-            stops.sort(key=lambda stop: (stop[0], not stop[1]))
-        return stops
-
     def _advance(self, increments: ImuIncrements, at: int, t_end: float) -> int:
-        out = self._out
+        output = self._output
         while True:
-            at, self.time, self._out_next, rows = self.propagator.advance(
+            at, self.time, self._out_next, output.filled = self.propagator.advance(
                 increments,
                 at,
                 self.time,
@@ -211,29 +220,23 @@ class ErrorStateFilter:
                 self._F,
                 self._acc,
                 self._out_next,
-                out,
+                output.arrays,
                 self._last,
+                output.filled,
             )
-            if rows:
-                self._put(out[0][:rows].copy(), out[1][:rows], out[2][:rows], out[3][:rows])
-            if rows < out[0].size or not rows:
+            if output.filled < output.capacity or not output.capacity:
                 return at
-
-    def _put(self, time: Array, nav: Array, x: Array, P: Array) -> None:
-        rows = np.empty((time.size, 18))
-        describe_rows(nav, x, P, self.settings.ecef, rows)
-        self.record.time.append(time)
-        self.record.rows.append(rows)
+            output.flush(self.record)
 
     def _emit(self) -> None:
         period = self.settings.output_period
-        time = self._out_next * period if period > 0 else self.time
         self._emitted = self.time
-        self._put(np.array([time]), self.nav[None], self.x[None], self.P[None, :9])
+        time = self._out_next * period if period > 0 else self.time
+        self._output.append(time, self.nav, self.x, self.P, self.record)
         self._out_next += 1
 
     def _close(self, increments: ImuIncrements, at: int, updates: tuple[Update, ...]) -> None:
-        if not isfinite(self.nav.sum()):
+        if not isfinite(sum(self.nav.tolist())):
             raise FilterError(
                 f"the navigation state is no longer finite at {self.time:.3f} s; look at the inertial data before it"
             )
@@ -263,10 +266,11 @@ class ErrorStateFilter:
                     self.time,
                     self.nav.copy(),
                     self.s.copy(),
-                    self.x.copy(),
+                    self.x.copy() if self.settings.open_loop else self.x,
                     self.P.copy(),
                     updates,
-                    self._held.copy(),
+                    self._hold.direction,
+                    self._acc.copy() if self._acc[ACC_TIME] > 0.0 else None,
                 )
             )
 
@@ -276,42 +280,15 @@ class ErrorStateFilter:
         return nav.boxplus(self.x) if self.settings.open_loop else nav
 
     def _hold_heading(self) -> None:
-        """Keep an unknown heading unknown until the velocity has changed.
-
-        At rest nothing tells the heading, but an extended Kalman filter whose level moves about a little believes it
-        learns something at every update. So a heading that is known no better than HELD_HEADING_SD gets no gain, and
-        its correlations are dropped, until the vehicle moves.
-        """
-        if self._moved:
+        if self._hold.moved:
             return
-        C_en = np.array(dcm_en(*to_ned(self.nav)[:2])).reshape(3, 3) if self.settings.ecef else np.eye(3)
-        down = C_en[:, 2].copy()
-        variance = down @ self.P[6:9, 6:9] @ down
-        changed = float(np.linalg.norm(self.nav[3:6] + self.x[3:6] - self._first_velocity))
-        sd = float(np.sqrt(np.max(np.diagonal(self.P)[3:6])))
-        self._moved = variance < HELD_HEADING_SD**2 or changed > MOVING_SPEED + 5.0 * sd
-        if self._moved:
-            self._held = np.zeros(3)
-            if variance >= HELD_HEADING_SD**2:
-                self.record.notes.append(
-                    f"the vehicle moves from {self.time:.1f} s on with a heading known to "
-                    f"{np.degrees(np.sqrt(variance)):.0f} "
-                    "deg only: the filter is not linear over such an error, its solution is not to be trusted before a "
-                    "heading is given"
-                )
-            return
-        self._held = down
-        self._uncorrelate_held()
-
-    def _uncorrelate_held(self) -> None:
-        if not self._held.any():
-            return
-        along = np.outer(self._held, self._held)
-        variance = self._held @ self.P[6:9, 6:9] @ self._held
-        keep = np.eye(3) - along
-        self.P[6:9] = keep @ self.P[6:9]
-        self.P[:, 6:9] = self.P[:, 6:9] @ keep
-        self.P[6:9, 6:9] += variance * along
+        unknown = self._hold.watch(self.nav, self.x, self.P, self.settings.ecef)
+        if unknown is not None:
+            self.record.notes.append(
+                f"the vehicle moves from {self.time:.1f} s on with a heading known to {np.degrees(unknown):.0f} deg "
+                "only: the filter is not linear over such an error, its solution is not to be trusted before a heading "
+                "is given"
+            )
 
     def _measure(self, which: int, k: int, time: float, updates: list[Update]) -> bool:
         """Use or record one measurement; True if it came too late for either."""
@@ -329,7 +306,7 @@ class ErrorStateFilter:
         withheld = sensor.withheld(k)
         keeper = self._gates[which]
         gate = keeper.limit(d)
-        nis = update(self.P, H, R, z, -1.0 if withheld else gate, self._held, K, S, Sinv, dx)
+        nis = update(self.P, H, R, z, -1.0 if withheld else gate, self._hold.direction, K, S, Sinv, dx)
         if not isfinite(nis):
             raise FilterError(
                 f"{sensor.name} measurement {k} at {time:.3f} s cannot be used: its innovation covariance is not "
@@ -342,7 +319,7 @@ class ErrorStateFilter:
             keeper.watch(nis / d, time)
         if status == REJECTED and keeper.reject(time):
             self._loosen(1.01 * nis / gate)
-            nis_after = update(self.P, H, R, z, np.inf, self._held, K, S, Sinv, dx)
+            nis_after = update(self.P, H, R, z, np.inf, self._hold.direction, K, S, Sinv, dx)
             if not isfinite(nis_after):
                 raise FilterError(f"the covariance is no longer positive definite at {time:.3f} s")
             status = RESET
@@ -350,7 +327,7 @@ class ErrorStateFilter:
         if status in (USED, RESET):
             keeper.accept()
             self._correct(dx)
-            updates.append(Update(H, K, Sinv, z, dx[6:9].copy()))
+            updates.append(Update(H, K, Sinv, z, dx[6:9]))
         self.record.innovations.append(Innovation(time, sensor.name, sensor.log_row(k), status, nis, z, sd))
         return False
 
@@ -380,10 +357,7 @@ class ErrorStateFilter:
             self.x += dx
             self._watch_linear_range()
             return
-        boxplus_navigation(self.nav, dx, self.settings.ecef)
-        self.s += dx[9:]
-        self._last[:3], self._last[3:] = corrected_rates(self.layout, self._last[:3], self._last[3:], dx)
-        reset_attitude(self.P, dx[6:9])
+        apply_correction(self.nav, self.s, self._last, self.P, dx, self._offsets, self.settings.ecef)
 
     def _watch_linear_range(self) -> None:
         """Say once when the errors of an uncorrected inertial solution are no longer small enough to be linear."""
@@ -428,7 +402,8 @@ class ErrorStateFilter:
         Numbers and plain arrays, for ``numpy.savez`` or ``pickle``.
         """
         saved = {name.lstrip("_"): np.array(getattr(self, name)) for name in _SAVED}
-        return {**saved, "gates": np.array([gate.state() for gate in self._gates]).reshape(-1, 5)}
+        gates = np.array([gate.state() for gate in self._gates]).reshape(-1, 5)
+        return {**saved, "gates": gates, "heading_hold": self._hold.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from a saved :meth:`state`. The record starts anew: a smoother reaches back to here.
@@ -447,6 +422,7 @@ class ErrorStateFilter:
             value = np.array(state[name.lstrip("_")])
             setattr(self, name, value if value.ndim else value.item())
         self._pointers = [int(k) for k in self._pointers]
+        self._hold.restore(state["heading_hold"])
         for gate, saved in zip(self._gates, state["gates"], strict=True):
             gate.restore(tuple(float(value) for value in saved))
         self._index = 0
@@ -466,8 +442,5 @@ _SAVED = (
     "_emitted",
     "_bridged",
     "_linear",
-    "_held",
-    "_moved",
-    "_first_velocity",
     "_pointers",
 )

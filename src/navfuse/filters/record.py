@@ -34,7 +34,8 @@ class Update(NamedTuple):
 class Checkpoint(NamedTuple):
     """The filter after an event: increments finished, time, state, covariance, and the updates applied in order.
 
-    `held` (3,) is the direction of the attitude error that the event left alone, or zero.
+    `held` (3,) is the direction of the attitude error that the event left alone, or zero; `acc` are the sums of a
+    covariance step under way, where a filter was restored in the middle of one, otherwise None.
     """
 
     index: int
@@ -45,6 +46,7 @@ class Checkpoint(NamedTuple):
     P: Array
     updates: tuple[Update, ...]
     held: Array
+    acc: Array | None
 
 
 class Innovation(NamedTuple):

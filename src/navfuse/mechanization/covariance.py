@@ -14,8 +14,8 @@ from __future__ import annotations
 from math import exp
 
 import numpy as np
-from numba import njit
 
+from navfuse.core.fused import fused
 from navfuse.mechanization.error_dynamics import ACC_CROSS, ACC_DCM, ACC_FORCE, ACC_SCALE, ACC_TIME, PAIR, frame_rates
 from navfuse.mechanization.tiles import (
     BLOCK,
@@ -41,8 +41,8 @@ NANOSECONDS = 1e9
 """Decay factors are those of the step rounded to a nanosecond: the last digits of stamps do not call for new ones."""
 
 
-@njit(cache=True)
-def covariance_step(work, places, inertial, acc, nav, ecef, track):
+@fused
+def covariance_step(work, places, inertial, acc, nav, sin_lat, cos_lat, ecef, track):
     """Carry covariance, error estimate, sensor estimates and accumulated transition over the summed covariance step.
 
     Parameters
@@ -55,6 +55,8 @@ def covariance_step(work, places, inertial, acc, nav, ecef, track):
         Sums of this step, from :func:`navfuse.mechanization.error_dynamics.accumulate`; zeroed on return.
     nav : (10,) array
         Navigation state at the end of the step.
+    sin_lat, cos_lat : float
+        Of its latitude; only used for an NED state.
     ecef : bool
     track : bool
         Whether the transition is accumulated.
@@ -69,7 +71,7 @@ def covariance_step(work, places, inertial, acc, nav, ecef, track):
     if rounded != work[DECAY_STEP]:
         _new_decay(work, places, rounded)
     _half_noise(work, places, T)
-    frame_rates(nav, ecef, work)
+    frame_rates(nav, sin_lat, cos_lat, ecef, work)
     _step_coefficients(work, acc)
     for tile in range(2 * tiles if track else tiles):
         columns = min(TILE, (FIRST + places - tile % tiles * TILE + 3) // 4 * 4)
@@ -96,18 +98,20 @@ def covariance_step(work, places, inertial, acc, nav, ecef, track):
         acc[i] = 0.0
 
 
-@njit(cache=True)
+@fused
 def _new_decay(work, places, T):
-    """Decay factors d and noise of Gauss-Markov states for a step of length `T`. No checks are made.
+    """Decay factors d and noise of the states after the ninth for a step of length `T`. No checks are made.
 
-    The half h that is added before and after a step is such that d^2 (v + h) + h = v for the steady-state variance v.
+    The half h that is added to a Gauss-Markov state before and after a step is such that d^2 (v + h) + h = v for the
+    steady-state variance v.
     """
     size, tiles, at = regions(places)
     work[DECAY_STEP] = T
     for i in range(places):
         d = exp(-T * work[at + INVERSE_TAU * places + i])
         work[at + DECAY * places + i] = d
-        work[at + DRIVE * places + i] = work[at + VARIANCE * places + i] * (1.0 - d * d) / (1.0 + d * d)
+        drive = work[at + VARIANCE * places + i] * (1.0 - d * d) / (1.0 + d * d)
+        work[at + DRIVE * places + i] = drive + 0.5 * work[at + WALK * places + i] * T
     for tile in range(tiles):
         for column in range(TILE):
             place = tile * TILE + column - FIRST
@@ -122,7 +126,7 @@ def _new_decay(work, places, T):
             work[2 * tiles * size + PLACES + i * TILE + column] = 1.0
 
 
-@njit(cache=True, forceinline=True)
+@fused(inline="always")
 def _step_coefficients(work, acc):
     """Write what the transition needs from the sums and the rates. No checks are made."""
     T = acc[ACC_TIME]
@@ -136,21 +140,21 @@ def _step_coefficients(work, acc):
     work[STEP + 18] = 0.5 * T
 
 
-@njit(cache=True, forceinline=True)
+@fused(inline="always")
 def _half_noise(work, places, T):
     """Add the process noise that comes before, or after, a step of length `T` to the diagonal. No checks are made."""
-    size, _, at = regions(places)
+    size, tiles, at = regions(places)
     velocity, attitude = 0.5 * work[NOISE + 1] * T, 0.5 * work[NOISE] * T
     for i in range(3):
         work[V + 3 + i * (TILE + 1)] += velocity
         work[PSI + 6 + i * (TILE + 1)] += attitude
-    for i in range(places):
-        column = FIRST + i
-        row = column // TILE * size + PLACES + i * TILE
-        work[row + column % TILE] += work[at + DRIVE * places + i] + 0.5 * work[at + WALK * places + i] * T
+    for tile in range(tiles):
+        diagonal = tile * (size - TILE) + PLACES + FIRST
+        for i in range(max(0, tile * TILE - FIRST), min(places, (tile + 1) * TILE - FIRST)):
+            work[diagonal + i * (TILE + 1)] += work[at + DRIVE * places + i]
 
 
-@njit(cache=True, forceinline=True)
+@fused(inline="always")
 def _transition_rows(tile, work, acc, count):
     """Navigation rows of a tile <- [A B] times the tile, over the first `count` columns, but for the cross-couplings.
 
@@ -206,7 +210,7 @@ def _transition_rows(tile, work, acc, count):
         tile[R + 2 * TILE + c] = rz - (ex * ry - ey * rx) + half * (vz + nz)
 
 
-@njit(cache=True)
+@fused
 def _add_cross_rows(tile, work, acc, count):
     """Add what the cross-couplings put into the navigation rows of a tile. No checks are made."""
     fx, fy, fz, half = work[STEP + 15], work[STEP + 16], work[STEP + 17], work[STEP + 18]
@@ -236,7 +240,7 @@ def _add_cross_rows(tile, work, acc, count):
         tile[R + 2 * TILE + c] += half * vz
 
 
-@njit(cache=True, forceinline=True)
+@fused(inline="always")
 def _product(acc, m, work, at):
     """The 3 x 3 matrix acc[m:] times the vector work[at:], as a 3-tuple. No checks are made."""
     x, y, z = work[at], work[at + 1], work[at + 2]
@@ -247,7 +251,7 @@ def _product(acc, m, work, at):
     )
 
 
-@njit(cache=True, forceinline=True)
+@fused(inline="always")
 def _transition_columns(work, size, acc, cross):
     """New navigation block: navigation rows W of the tiles times [A B]^T, written row by row at BLOCK.
 
@@ -295,7 +299,7 @@ def _transition_columns(work, size, acc, cross):
         _position_columns(work, R + i * TILE, work[v0 + i], work[v1 + i], work[v2 + i], BLOCK + 9 * i)
 
 
-@njit(cache=True, forceinline=True)
+@fused(inline="always")
 def _position_columns(work, row, vx, vy, vz, to):
     """Position columns of one row of the new navigation block, from its new velocity columns. No checks are made."""
     ex, ey, ez, half = work[STEP + 6], work[STEP + 7], work[STEP + 8], work[STEP + 18]
@@ -305,7 +309,7 @@ def _position_columns(work, row, vx, vy, vz, to):
     work[to + 2] = rz - (ex * ry - ey * rx) + half * (work[row + 5] + vz)
 
 
-@njit(cache=True, forceinline=True)
+@fused(inline="always")
 def _take_block(work):
     """Put the new navigation block in the place of the old, exactly symmetric. No checks are made."""
     for i in range(3):
@@ -322,14 +326,14 @@ def _take_block(work):
             work[PSI + j * TILE + 3 + i] = vp
 
 
-@njit(cache=True, forceinline=True)
+@fused(inline="always")
 def _scale(tile, factors, size):
     """Multiply a tile by factors of the same layout. No checks are made."""
     for c in range(size):
         tile[R + c] *= factors[R + c]
 
 
-@njit(cache=True, forceinline=True)
+@fused(inline="always")
 def _mirror(work, first, columns, place):
     """Copy the navigation rows of some place columns into the navigation columns of their rows.
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from navfuse.core.constants import EARTH_RATE
 from navfuse.core.earth import gravity_e
+from navfuse.core.fused import fused
 from navfuse.core.rotation import quat_from_rotvec, quat_multiply
 from navfuse.mechanization.ned import rotate_increment
 
 
-@njit(cache=True)
+@fused
 def step_ecef(nav, dt, tx, ty, tz, ux, uy, uz):
     """Advance an ECEF navigation state by one increment, in place.
 

@@ -27,13 +27,13 @@ each other three.
 
 from __future__ import annotations
 
-from math import cos, sin
+from math import sqrt
 
 import numpy as np
-from numba import njit
 
-from navfuse.core.constants import EARTH_RATE, WGS84_A
-from navfuse.core.earth import ellipsoid_normal, normal_gravity, radii
+from navfuse.core.constants import EARTH_RATE, WGS84_A, WGS84_E2
+from navfuse.core.earth import ellipsoid_normal, normal_gravity
+from navfuse.core.fused import fused
 
 GYRO, ACCEL = 0, 1
 BIAS = -1
@@ -95,17 +95,18 @@ def imu_places(imu_map: np.ndarray) -> np.ndarray:
     return np.array(places, dtype=np.int64)
 
 
-@njit(cache=True, error_model="numpy")
-def frame_rates(nav, ecef, w):
+@fused
+def frame_rates(nav, sin_lat, cos_lat, ecef, w):
     """Rates and gravity gradient at a navigation state, written into `w` (12,).
 
+    `sin_lat` and `cos_lat` are those of the latitude of an NED state; an ECEF state does without.
     `w` receives w_ie_m (0:3), w_em_m (3:6), then Gamma's elements 00, 01, 02, 11, 12, 22. No checks are made.
     """
     if ecef:
-        p, cos_lat, sin_lat, h = ellipsoid_normal(nav[0], nav[1], nav[2])
-        ratio = normal_gravity(sin_lat, h) / (WGS84_A + h)
-        k = cos_lat / p if p > 0.0 else 0.0
-        ux, uy, uz = k * nav[0], k * nav[1], sin_lat
+        p, c, s, h = ellipsoid_normal(nav[0], nav[1], nav[2])
+        ratio = normal_gravity(s, h) / (WGS84_A + h)
+        k = c / p if p > 0.0 else 0.0
+        ux, uy, uz = k * nav[0], k * nav[1], s
         for i in range(6):
             w[i] = 0.0
         w[2] = EARTH_RATE
@@ -117,17 +118,17 @@ def frame_rates(nav, ecef, w):
         w[10] = triple * uy * uz
         w[11] = triple * uz * uz - ratio
     else:
-        s, c = sin(nav[0]), cos(nav[0])
         h = nav[2]
-        rm, rt = radii(s)
-        ratio = normal_gravity(s, h) / (WGS84_A + h)
-        east = nav[4] / (rt + h)
-        w[0] = EARTH_RATE * c
+        x = 1.0 - WGS84_E2 * sin_lat * sin_lat
+        root = sqrt(x)
+        ratio = normal_gravity(sin_lat, h) / (WGS84_A + h)
+        east = nav[4] * root / (WGS84_A + h * root)
+        w[0] = EARTH_RATE * cos_lat
         w[1] = 0.0
-        w[2] = -EARTH_RATE * s
+        w[2] = -EARTH_RATE * sin_lat
         w[3] = east
-        w[4] = -nav[3] / (rm + h)
-        w[5] = -east * s / c
+        w[4] = -nav[3] * x * root / (WGS84_A * (1.0 - WGS84_E2) + h * x * root)
+        w[5] = -east * sin_lat / cos_lat
         w[6] = -ratio
         w[7] = 0.0
         w[8] = 0.0
@@ -136,7 +137,7 @@ def frame_rates(nav, ecef, w):
         w[11] = 2.0 * ratio
 
 
-@njit(cache=True)
+@fused
 def accumulate(acc, cross, dt, before, after, t, u, f):
     """Add one inertial increment to the sums of a covariance step.
 
@@ -191,7 +192,7 @@ def accumulate(acc, cross, dt, before, after, t, u, f):
             acc[at + 47] += z * u[1]
 
 
-@njit(cache=True, error_model="numpy")
+@fused
 def corrections(s, stride, sensor, cross):
     """Inverse of I + M of one inertial sensor and its bias, as one 12-tuple.
 

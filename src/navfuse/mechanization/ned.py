@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from math import cos, sin, sqrt
 
-from numba import njit
-
 from navfuse.core.constants import EARTH_RATE, WGS84_A, WGS84_E2
 from navfuse.core.earth import normal_gravity
+from navfuse.core.fused import fused
 from navfuse.core.rotation import quat_from_rotvec, quat_multiply
 
 
-@njit(cache=True, inline="always")
+@fused(inline="always")
 def rotate_increment(tx, ty, tz, ux, uy, uz):
     """Velocity increment resolved at the start of its interval: u + t x u / 2 + t x (t x u) / 6.
 
@@ -23,13 +22,13 @@ def rotate_increment(tx, ty, tz, ux, uy, uz):
     cy = tz * ux - tx * uz
     cz = tx * uy - ty * ux
     return (
-        ux + 0.5 * cx + (ty * cz - tz * cy) / 6.0,
-        uy + 0.5 * cy + (tz * cx - tx * cz) / 6.0,
-        uz + 0.5 * cz + (tx * cy - ty * cx) / 6.0,
+        ux + 0.5 * cx + (1.0 / 6.0) * (ty * cz - tz * cy),
+        uy + 0.5 * cy + (1.0 / 6.0) * (tz * cx - tx * cz),
+        uz + 0.5 * cz + (1.0 / 6.0) * (tx * cy - ty * cx),
     )
 
 
-@njit(cache=True)
+@fused
 def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
     """Advance an NED navigation state by one increment, in place.
 
@@ -45,8 +44,10 @@ def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
 
     Returns
     -------
-    dvn, dve, dvd : float [m/s]
+    dv : 3-tuple [m/s]
         The specific-force increment resolved in n.
+    sin_lat, cos_lat : float
+        Of the new latitude.
 
     Notes
     -----
@@ -72,9 +73,10 @@ def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
     hm = h - half * vd
     x = 1.0 - WGS84_E2 * s * s
     root = sqrt(x)
-    to_north = 1.0 / (WGS84_A * (1.0 - WGS84_E2) / (x * root) + hm)
-    to_east = 1.0 / (WGS84_A / root + hm)
-    tan = s / c
+    to_north = x * root / (WGS84_A * (1.0 - WGS84_E2) + hm * x * root)
+    to_east = root / (WGS84_A + hm * root)
+    sec = 1.0 / c
+    tan = s * sec
     g = normal_gravity(s, hm)
 
     ie_n = EARTH_RATE * c
@@ -102,8 +104,10 @@ def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
     ve1 = ve + dve - dt * (wd * vn_m - wn * vd_m)
     vd1 = vd + dvd - dt * (wn * ve_m - en_e * vn_m - g)
 
-    nav[0] = lat + half * (vn + vn1) * to_north
-    nav[1] += half * (ve + ve1) * to_east / c
+    dlat = half * (vn + vn1) * to_north
+    turn = 1.0 - 0.5 * dlat * dlat
+    nav[0] = lat + dlat
+    nav[1] += half * (ve + ve1) * to_east * sec
     nav[2] = h - half * (vd + vd1)
     nav[3] = vn1
     nav[4] = ve1
@@ -118,4 +122,4 @@ def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
     nav[7] = q[1] * scale
     nav[8] = q[2] * scale
     nav[9] = q[3] * scale
-    return dvn, dve, dvd
+    return (dvn, dve, dvd), s0 * turn + c0 * dlat, c0 * turn - s0 * dlat

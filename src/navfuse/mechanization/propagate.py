@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from navfuse.core.fused import fused
 from navfuse.core.rotation import dcm_from_quat, mat_vec
 from navfuse.data.layout import NAVIGATION_STATES
 from navfuse.mechanization.covariance import covariance_step
@@ -36,7 +36,7 @@ TIME_TOLERANCE = 1e-6
 """Stamps closer than this [s] count as equal, so that no increment is split into a sliver."""
 
 
-@njit(cache=True)
+@fused
 def propagate(
     times,
     inc_theta_b,
@@ -58,6 +58,7 @@ def propagate(
     cov_period,
     out_period,
     out_next,
+    rows,
     out_time,
     out_nav,
     out_x,
@@ -98,24 +99,25 @@ def propagate(
     out_period, out_next : float, int
         States are put out at the multiples of out_period (0 = at every stamp), beginning with number out_next. A state
         due at `t_end` itself is left to the caller, who may have a measurement to apply first.
+    rows : int
+        Rows of the output arrays that are filled already, fewer than r.
     out_time (r,), out_nav (r, 10), out_x (r, n), out_P (r, 9, n), out_F (r, 10, n) : arrays
-        Filled from row 0; with r = 0 there is no output. out_P takes the navigation rows of P; out_F, if it has rows,
-        takes F, which is then reset so that each F leads from the output before.
+        Filled from there on; with r = 0 there is no output. out_P takes the navigation rows of P; out_F, if it has
+        rows, takes F, which is then reset so that each F leads from the output before.
     last : (6,) array
         Receives the corrected mean rate w_ib_b and specific force f_b of the last increment touched.
 
     Returns
     -------
     i, t, out_next, rows : int, float, int, int
-        Where the state stands now, the next output number and the rows filled. With `rows` equal to r > 0 the call
-        returned early, to be called again with empty buffers.
+        Where the state stands now, the next output number and the rows filled in all. With `rows` equal to r > 0 the
+        call returned early, to be called again with empty buffers.
 
     Notes
     -----
     No checks are made.
     """
     k = inc_theta_b.shape[0]
-    rows = 0
     capacity = out_time.shape[0]
     track = F.shape[0] > 0
     cross = inertial > PAIR
@@ -124,7 +126,7 @@ def propagate(
     gyro = corrections(estimates, TILE, GYRO, cross)
     accel = corrections(estimates, TILE, ACCEL, cross)
     C = dcm_from_quat((nav[6], nav[7], nav[8], nav[9]))
-    dt = 0.0
+    sin_lat = cos_lat = dt = 0.0
     theta = (0.0, 0.0, 0.0)
     dv = (0.0, 0.0, 0.0)
     while i < k and t < t_end - TIME_TOLERANCE:
@@ -165,7 +167,7 @@ def propagate(
         if ecef:
             f = step_ecef(nav, dt, theta[0], theta[1], theta[2], dv[0], dv[1], dv[2])
         else:
-            f = step_ned(nav, dt, theta[0], theta[1], theta[2], dv[0], dv[1], dv[2])
+            f, sin_lat, cos_lat = step_ned(nav, dt, theta[0], theta[1], theta[2], dv[0], dv[1], dv[2])
         before = C
         C = dcm_from_quat((nav[6], nav[7], nav[8], nav[9]))
         accumulate(acc, cross, dt, before, C, theta, dv, f)
@@ -173,7 +175,7 @@ def propagate(
         if whole:
             i += 1
         if put or acc[ACC_TIME] >= cov_period - TIME_TOLERANCE or t >= t_end - TIME_TOLERANCE:
-            covariance_step(work, places, inertial, acc, nav, ecef, track)
+            covariance_step(work, places, inertial, acc, nav, sin_lat, cos_lat, ecef, track)
             gyro = corrections(estimates, TILE, GYRO, cross)
             accel = corrections(estimates, TILE, ACCEL, cross)
         if put:
@@ -234,7 +236,7 @@ class Propagator:
             np.empty((rows if transitions else 0, 10, n)),
         )
 
-    def advance(self, increments, i, t, t_end, nav, s, x, P, F, acc, out_next, out, last):
+    def advance(self, increments, i, t, t_end, nav, s, x, P, F, acc, out_next, out, last, rows=0):
         """Call :func:`propagate`; `out` comes from :meth:`buffers`, and F is tracked if it has rows."""
         time, nav_rows, x_rows, P_rows, F_rows = out
         return propagate(
@@ -258,6 +260,7 @@ class Propagator:
             self.covariance_period,
             self.output_period,
             out_next,
+            rows,
             time,
             nav_rows,
             x_rows,

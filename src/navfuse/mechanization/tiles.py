@@ -15,8 +15,8 @@ that begins HEAD numbers before its tile.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from navfuse.core.fused import fused
 from navfuse.mechanization.error_dynamics import PAIR, imu_places
 
 TILE = 24
@@ -35,10 +35,10 @@ R, V, PSI, PLACES = HEAD, HEAD + 3 * TILE, HEAD + 6 * TILE, HEAD + 9 * TILE
 VALUES = 5
 DECAY, INVERSE_TAU, VARIANCE, WALK, DRIVE = range(VALUES)
 """What is kept for each place: decay factor of a step, 1/tau, steady-state variance, random-walk density, and half the
-noise of a Gauss-Markov state over a step."""
+noise of a step."""
 
 
-@njit(cache=True, forceinline=True)
+@fused(forceinline=True)
 def regions(places):
     """Length of a tile, number of tiles, and where the values of the places begin. No checks are made."""
     size = (9 + places) * TILE
@@ -46,7 +46,7 @@ def regions(places):
     return size, tiles, HEAD + 3 * tiles * size
 
 
-@njit(cache=True)
+@fused
 def pack(work, places, place, s, x, P, F):
     """Put sensor estimates s (m,), error estimate x (9 + m,), covariance P and transition F into the work space.
 
@@ -76,7 +76,7 @@ def pack(work, places, place, s, x, P, F):
         work[PLACES + place[i] * TILE + ESTIMATE] = s[i]
 
 
-@njit(cache=True)
+@fused
 def unpack(work, places, place, s, x, P, F):
     """The reverse of :func:`pack`. No checks are made."""
     size, _, _ = regions(places)
@@ -95,7 +95,7 @@ def unpack(work, places, place, s, x, P, F):
         unpack_transition(work, places, place, F)
 
 
-@njit(cache=True)
+@fused
 def unpack_navigation(work, places, place, x, P):
     """Take the error estimate x (n,) and the navigation rows P (9, n) of the covariance out. No checks are made."""
     size = regions(places)[0]
@@ -111,7 +111,7 @@ def unpack_navigation(work, places, place, x, P):
             P[i, 9 + c] = work[first + i * TILE]
 
 
-@njit(cache=True)
+@fused
 def unpack_transition(work, places, place, F):
     """Take the accumulated transition F (10, n) out. No checks are made."""
     size, tiles, _ = regions(places)
@@ -123,7 +123,7 @@ def unpack_transition(work, places, place, F):
         F[9, c] = 1.0 if c < 9 else work[first + PLACES + place[c - 9] * TILE]
 
 
-@njit(cache=True)
+@fused
 def reset_transition(work, places):
     """Make the accumulated transition the identity. No checks are made."""
     size, tiles, _ = regions(places)

@@ -8,7 +8,8 @@ distance that the compiler knows, and zero rows at the end up to a multiple of f
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from navfuse.core.fused import fused
 
 TILE = 24
 
@@ -18,7 +19,7 @@ def tile_space(n: int) -> np.ndarray:
     return np.empty((n + TILE - 1) // TILE * (2 * (n + 3) + 10) * TILE + 9 * TILE)
 
 
-@njit(cache=True)
+@fused
 def back_across_rows(rows, x, P, F, held, lam, Lam, out_x, out_P, work):
     """Smooth rows of output in reverse, carrying the adjoint back over the transition that leads to each.
 
@@ -68,7 +69,7 @@ def back_across_rows(rows, x, P, F, held, lam, Lam, out_x, out_P, work):
             Lam[c, i] = v
 
 
-@njit(cache=True)
+@fused(inline="always")
 def _smooth_row(x, P, lam, L, size, U, out_x, out_P):
     """Smoothed navigation error x - P lam (9,) and covariance P - P Lam P (9, 9) of one row. No checks are made."""
     n = lam.size
@@ -92,7 +93,7 @@ def _smooth_row(x, P, lam, L, size, U, out_x, out_P):
             out_P[j, i] = out_P[i, j]
 
 
-@njit(cache=True)
+@fused(inline="always")
 def _products(P, L, U, n):
     """U <- P L for the navigation rows P (9, n) and one tile. No checks are made."""
     columns = min(TILE, (n + 3) // 4 * 4)
@@ -111,7 +112,7 @@ def _products(P, L, U, n):
                 out[c] += v + (d * four[2 * TILE + c] + e * four[3 * TILE + c])
 
 
-@njit(cache=True)
+@fused(inline="always")
 def _back_across_transition(F, lam, L, size, T, G):
     """Adjoint before a transition: lam <- F^T lam, Lam <- F^T Lam F. No checks are made."""
     n = lam.size
@@ -132,7 +133,7 @@ def _back_across_transition(F, lam, L, size, T, G):
         _rows_from_right(T, T[tile * size :], G[tile * 10 * TILE :], L[tile * size :], n)
 
 
-@njit(cache=True)
+@fused(inline="always")
 def _turn_navigation(F, lam):
     """Navigation part of F^T lam. No checks are made."""
     a, b, c, d, e, f, g, h, i = lam[0], lam[1], lam[2], lam[3], lam[4], lam[5], lam[6], lam[7], lam[8]
@@ -143,7 +144,7 @@ def _turn_navigation(F, lam):
         )  # fmt: skip
 
 
-@njit(cache=True)
+@fused(inline="always")
 def _rows_from_left(F, L, T, n):
     """T <- F^T L for one tile. No checks are made."""
     columns = min(TILE, (n + 3) // 4 * 4)
@@ -159,7 +160,7 @@ def _rows_from_left(F, L, T, n):
             out[c] = v + w + u + own * mine[c]
 
 
-@njit(cache=True)
+@fused(inline="always")
 def _rows_from_right(T0, T, G, L, n):
     """L <- T F for one tile; `T0` is the first tile of T, `G` holds F. No checks are made."""
     columns = min(TILE, (n + 3) // 4 * 4)
@@ -175,7 +176,7 @@ def _rows_from_right(T0, T, G, L, n):
             out[c] = v + w + u + mine[c] * G[9 * TILE + c]
 
 
-@njit(cache=True)
+@fused(inline="always")
 def _drop_direction(held, lam, L, size):
     """Take out of the adjoint what it says of one direction of the attitude error. No checks are made."""
     n = lam.size

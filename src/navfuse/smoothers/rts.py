@@ -23,8 +23,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from navfuse.core.fused import fused
 from navfuse.data.nav_state import describe_rows
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
@@ -61,7 +61,7 @@ class SmoothedRun:
     state_sd: Array
 
 
-@njit(cache=True)
+@fused
 def _smooth_rows(x, P, lam, Lam, row, out_x, out_P, work):
     """Smoothed navigation error and its covariance of one row. `P` (r, 9, n) holds navigation rows. No checks are
     made.
@@ -86,7 +86,7 @@ def _smooth_rows(x, P, lam, Lam, row, out_x, out_P, work):
             out_P[row, j, i] = v
 
 
-@njit(cache=True)
+@fused
 def _drop_direction(held, lam, Lam):
     """Take out of the adjoint what it says of one direction (3,) of the attitude error. No checks are made."""
     v = held[0] * lam[6] + held[1] * lam[7] + held[2] * lam[8]
@@ -102,7 +102,7 @@ def _drop_direction(held, lam, Lam):
             Lam[c, 6 + i] -= held[i] * v
 
 
-@njit(cache=True)
+@fused
 def _uncorrelate_direction(held, P):
     """Uncorrelate one direction (3,) of the attitude error from all else in rows (r, 9, n) of covariance. No checks."""
     if held[0] == 0.0 and held[1] == 0.0 and held[2] == 0.0:
@@ -125,7 +125,7 @@ def _uncorrelate_direction(held, P):
                 P[row, 6 + i, 6 + j] += variance * held[i] * held[j]
 
 
-@njit(cache=True)
+@fused
 def _back_across_update(H, K, Sinv, z, dpsi, lam, Lam, work):
     """Carry the adjoint from after a measurement update to before it. No checks are made."""
     n = lam.size
@@ -182,7 +182,7 @@ def _back_across_update(H, K, Sinv, z, dpsi, lam, Lam, work):
             Lam[j, i] = v
 
 
-@njit(cache=True)
+@fused
 def _smooth_states(s, x, P, lam, Lam, value, sd):
     """Smoothed states after the ninth and their deviations. No checks are made."""
     n = lam.size
@@ -274,7 +274,8 @@ def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, tile
     runs: list[int] = []
     propagator = filter_.propagator
     nav, s, x, P = checkpoint.nav.copy(), checkpoint.s.copy(), checkpoint.x.copy(), checkpoint.P.copy()
-    F, acc, last = identity_transition(n), propagator.accumulator(), np.zeros(6)
+    F, last = identity_transition(n), np.zeros(6)
+    acc = propagator.accumulator() if checkpoint.acc is None else checkpoint.acc.copy()
     capacity = 0 if period < 0 else CHUNK_ROWS
     at, t = checkpoint.index, checkpoint.time
     while True:

@@ -29,13 +29,16 @@ from navfuse.smoothers.rts import smooth
 Array = np.ndarray
 
 ROUGH_HEADING_SD, ROUGH_LEVEL_SD, MIN_ATTITUDE_SD = np.radians([4.0, 1.5, 0.5])
+SEARCH_HEADING_SD = np.radians(30.0)
+FAR = np.radians(3.0)
+"""An attitude that the smoother moves further than this is smoothed once more, from where it was moved to."""
 REFINE_S = 120.0
 HEADINGS = 12
 HEADING_SPACING_SD = np.radians(20.0)
 SEARCH_S = 600.0
 MOST_NIS = 100.0
-CLEARLY = 8.0
-"""By how much the log-likelihood of the best heading must exceed that of any other more than 45 deg away."""
+APART, CLEARLY = np.radians(75.0), 8.0
+"""By how much the log-likelihood of the best heading must exceed that of any other further away than APART."""
 
 
 def improve_start(
@@ -64,21 +67,40 @@ def improve_start(
         same measurements again.
     """
     trial = replace(settings, output_period=-1.0, checkpoints=True, open_loop=False)
-    if alignment.heading_source == "unknown":
+    sd = np.sqrt(np.diagonal(alignment.start.P)[6:9])
+    measured = alignment.heading_source in ("motion", "course")
+    if alignment.heading_source == "unknown" or (measured and sd[2] > SEARCH_HEADING_SD):
         found = _likeliest_heading(alignment.start, increments, model, sensors, trial)
         if found is None:
             return alignment
         notes = tuple(note for note in alignment.notes if not note.startswith("heading could not be found"))
         start = _smoothed_start(found, increments, model, sensors, trial)
         return replace(alignment, start=start, heading_source="search", notes=notes)
-    sd = np.sqrt(np.diagonal(alignment.start.P)[6:9])
     rough = sd[2] > ROUGH_HEADING_SD or max(sd[:2]) > ROUGH_LEVEL_SD
-    if alignment.heading_source not in ("motion", "course") or not rough:
+    if not measured or not rough:
         return alignment
     return replace(alignment, start=_smoothed_start(alignment.start, increments, model, sensors, trial))
 
 
 def _smoothed_start(
+    start: Start,
+    increments: ImuIncrements,
+    model: ImuErrorModel,
+    sensors: Sequence[AidingSensor],
+    settings: FilterSettings,
+) -> Start:
+    once = _smoothed_once(start, increments, model, sensors, settings)
+    if _turn_between(start.nav[6:10], once.nav[6:10]) < FAR:
+        return once
+    return _smoothed_once(replace(once, P=start.P), increments, model, sensors, settings)
+
+
+def _turn_between(p: Array, q: Array) -> float:
+    """Angle [rad] between two attitudes."""
+    return 2.0 * float(np.arccos(min(1.0, abs(float(p @ q)))))
+
+
+def _smoothed_once(
     start: Start,
     increments: ImuIncrements,
     model: ImuErrorModel,
@@ -130,7 +152,7 @@ def _likeliest_heading(
         starts.append(replace(start, nav=nav, P=P))
         scores.append(_log_likelihood(starts[-1], head, model, sensors, settings))
     best = int(np.argmax(scores))
-    apart = np.abs((headings - headings[best] + np.pi) % (2.0 * np.pi) - np.pi) > np.radians(46.0)
+    apart = np.abs((headings - headings[best] + np.pi) % (2.0 * np.pi) - np.pi) > APART
     if not np.isfinite(scores[best]) or scores[best] - np.max(np.array(scores)[apart]) < CLEARLY:
         return None
     return starts[best]
