@@ -1,6 +1,6 @@
 """Compiles the kernels that a run comes to last, in a process of its own, while the run compiles the others.
 
-A first run spends its time in the compiler, which uses one core. :func:`start` puts a second one to work on the way to
+A first run spends its time in the compiler, which uses one core. :func:`second_core` puts another to work on the way to
 the same cache folder. Nothing depends on it: a kernel that is not ready when it is needed is compiled by the run.
 """
 
@@ -8,21 +8,28 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 
-def start() -> None:
-    """Begin to compile in the background."""
-    if not sys.executable:
-        return
+@contextmanager
+def second_core() -> Iterator[None]:
+    """Compile in the background meanwhile; what is not done at the end is given up."""
+    helper = None
+    if sys.executable:
+        with suppress(OSError):
+            helper = subprocess.Popen(
+                [sys.executable, "-m", "navfuse._warm_up"],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
     try:
-        subprocess.Popen(
-            [sys.executable, "-m", "navfuse._warm_up"],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-    except OSError:
-        return
+        yield
+    finally:
+        if helper is not None:
+            helper.terminate()
+            helper.wait()
 
 
 def compile_late_kernels() -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from navfuse.cli.progress import announce_compilation
+from navfuse.cli.progress import compilation
 
 
 def demo(
@@ -18,10 +18,10 @@ def demo(
     show: Annotated[bool, typer.Option("--open", help="Open the report in the web browser.")] = False,
 ) -> None:
     """Simulate a two-minute car drive with a GNSS outage, process it and show how well that went."""
-    announce_compilation()
-    from navfuse.demo import run_demo
+    with compilation():
+        from navfuse.demo import run_demo
 
-    _, lines = run_demo(output, seed)
+        _, lines = run_demo(output, seed)
     for line in lines:
         print(line)
     if show:

@@ -49,15 +49,18 @@ def progress(quiet: bool = False) -> Iterator[Report]:
         yield report
 
 
-def announce_compilation(quiet: bool = False) -> None:
-    """Say what a first run waits for, and put a second core to work on it."""
+@contextmanager
+def compilation(quiet: bool = False) -> Iterator[None]:
+    """Around everything that needs the kernels: on a first run, say what it waits for and put a second core to work."""
     if not _numba_cache.is_cold():
+        yield
         return
     if not quiet:
         print(
             "compiling the numerical kernels, once for this version: about 20 s more ...", file=sys.stderr, flush=True
         )
-    _warm_up.start()
+    with _warm_up.second_core():
+        yield
 
 
 def _nothing(stage: str, fraction: float) -> None:

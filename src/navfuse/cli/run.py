@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from navfuse.cli.progress import announce_compilation, progress
+from navfuse.cli.progress import compilation, progress
 
 Project = Annotated[
     Path, typer.Argument(metavar="PROJECT.toml", help="Project file; `navfuse config` prints one to begin with.")
@@ -30,10 +30,9 @@ def run(
     from navfuse.config import load_project
 
     load_project(project)
-    announce_compilation(quiet)
-    from navfuse.pipeline import run_project
+    with compilation(quiet), progress(quiet) as tell:
+        from navfuse.pipeline import run_project
 
-    with progress(quiet) as tell:
         result = run_project(project, output, report=report, progress=tell)
     if not quiet:
         print(without_warnings(result.describe()))
