@@ -164,7 +164,7 @@ class Workspace:
         self.places = self.inertial + rest
         self.place = np.concatenate([place, self.inertial + np.arange(rest, dtype=np.int64)])
         at = regions(self.places)[2]
-        self.work = _at_a_cache_line(at + VALUES * self.places)
+        self.work = at_a_cache_line(at + VALUES * self.places)
         self.work[NOISE : NOISE + 2] = noise
         values = self.work[at:].reshape(VALUES, self.places)
         decays = stochastic[:, 2] > 0.0
@@ -173,7 +173,7 @@ class Workspace:
         values[INVERSE_TAU, self.place] = stochastic[:, 2]
 
 
-def _at_a_cache_line(size: int) -> np.ndarray:
+def at_a_cache_line(size: int) -> np.ndarray:
     """Zeros that begin at a cache line: vectors that straddle one cost twice the time."""
     raw = np.zeros(size + 8)
     return raw[-raw.ctypes.data % 64 // 8 :][:size]

@@ -10,13 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from navfuse.core.fused import fused
+from navfuse.mechanization.tiles import at_a_cache_line
 
 TILE = 24
 
 
 def tile_space(n: int) -> np.ndarray:
     """Work space of :func:`back_across_rows` for n states."""
-    return np.empty((n + TILE - 1) // TILE * (2 * (n + 3) + 10) * TILE + 9 * TILE)
+    return at_a_cache_line((n + TILE - 1) // TILE * (2 * (n + 3) + 10) * TILE + 9 * TILE)
 
 
 @fused
