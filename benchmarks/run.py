@@ -110,14 +110,23 @@ def _process(scratch: Path, kernels: Path) -> tuple[float, float, float]:
     """Wall time [s], CPU time [s] and peak memory [MB] of one `navfuse run` in a process of its own."""
     command = [sys.executable, "-m", "navfuse", "run", str(scratch / "project.toml"), "-o", str(scratch / "out")]
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(kernels)}
-    begin = time.perf_counter()
-    child = subprocess.Popen([*command, "--no-report"], env=environment, stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(child.pid, 0)
-    wall = time.perf_counter() - begin
-    child.returncode = os.waitstatus_to_exitcode(status)
-    if child.returncode:
-        raise RuntimeError(f"navfuse run ended with code {child.returncode}")
-    return wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * MEGABYTE
+    small = [sys.executable, "-c", _WATCH, *command, "--no-report"]
+    done = subprocess.run(small, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"navfuse run ended with code {done.returncode}: {done.stderr}")
+    wall, cpu, memory = (float(value) for value in done.stdout.split())
+    return wall, cpu, memory * MEGABYTE
+
+
+_WATCH = """
+import os, subprocess, sys, time
+begin = time.perf_counter()
+child = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL)
+_, status, usage = os.wait4(child.pid, 0)
+print(time.perf_counter() - begin, usage.ru_utime + usage.ru_stime, usage.ru_maxrss)
+sys.exit(os.waitstatus_to_exitcode(status))
+"""
+"""A process as large as this one would pass its own size on to its children's peak."""
 
 
 if __name__ == "__main__":

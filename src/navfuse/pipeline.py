@@ -22,7 +22,7 @@ import numpy as np
 from navfuse.aiding.base import AidingSensor
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
 from navfuse.analysis.plausibility import run_warnings
-from navfuse.analysis.summary import summarize_run
+from navfuse.analysis.summary import describe_imu, summarize_run
 from navfuse.config import Project, load_project
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.result import Result
@@ -89,12 +89,17 @@ def process(
         with clock("increments"):
             increments = cut(to_increments(imu, gap_limit(imu.time)), project.filter.until_s)
             increments = without_false_start(increments)
+            imu_input = describe_imu(imu)
+            del imu
             for note in check_turns(increments, gnss) if gnss is not None else ():
                 _warn(note)
         model = project.imu_error_model()
+        length = float(increments.time[-1] - increments.time[0])
+        pieces = _pieces(increments, project)
+        del increments
         runs = []
-        for k, piece in enumerate(_pieces(increments, project)):
-            run = _run_piece(piece, gnss, model, project, sensors, first=k == 0, clock=clock, tell=tell)
+        for k in range(len(pieces)):
+            run = _run_piece(pieces.pop(0), gnss, model, project, sensors, first=k == 0, clock=clock, tell=tell)
             if run is not None:
                 runs.append(run)
         if not runs:
@@ -106,9 +111,8 @@ def process(
         result = _result(project, gnss, runs)
         if not len(result.forward):
             raise ConfigError(
-                f"output.rate_hz = {project.output.rate_hz:g} puts out nothing in the "
-                f"{increments.time[-1] - increments.time[0]:.1f} s of "
-                "the log; give a larger one"
+                f"output.rate_hz = {project.output.rate_hz:g} puts out nothing in the {length:.1f} s of the log; give "
+                "a larger one"
             )
         for note in run_warnings(result, project.gnss.outages_s):
             _warn(note)
@@ -117,7 +121,7 @@ def process(
     summary = summarize_run(
         result,
         settings=project.settings(),
-        imu=imu,
+        imu=imu_input,
         gnss=gnss,
         model=model,
         alignments=[run.alignment for run in runs],

@@ -174,6 +174,30 @@ def test_csv_cut_last_line_is_left_out_with_a_note(write):
     assert table.notes == [f"{table.source}: the last line is cut off (2 of 3 cells), it was left out"]
 
 
+def long_csv(last):
+    return "t,v\n" + "".join(f"{k}.0,{k * k / 7.0:.4f}\n" for k in range(60)) + last
+
+
+@pytest.mark.parametrize("last", ["60.0,514.2", "60.0,5", "60.0,"])
+def test_csv_line_cut_in_its_last_number_is_left_out_with_a_note(write, last):
+    table = open_table(write(long_csv(last)))
+    assert table.read(["t"])["t"][-1] == 59.0
+    assert table.notes == [f"{table.source}: the last line seems to be cut off in its last cell, it was left out"]
+
+
+@pytest.mark.parametrize("last", ["60.0,514.2857", "60.0,514.2857\n", "60.0,5\n", "60.0,5\r\n"])
+def test_csv_whole_last_line_is_kept(write, last):
+    table = open_table(write(long_csv(last)))
+    assert table.read(["t"])["t"][-1] == 60.0
+    assert table.notes == []
+
+
+def test_csv_last_line_of_whole_numbers_is_kept(write):
+    table = open_table(write("t,n\n" + "".join(f"{k}.5,{k + 10}\n" for k in range(60)) + "60.5,9"))
+    assert table.read(["t"])["t"][-1] == 60.5
+    assert table.notes == []
+
+
 def test_csv_only_a_cut_line(write):
     with pytest.raises(InputError, match="line 2: has 2 cells, the header has 3"):
         open_table(write("a,b,c\n4,5")).read(["a"])

@@ -33,7 +33,7 @@ def summarize_run(
     result: Result,
     *,
     settings: dict[str, Any],
-    imu: ImuLog,
+    imu: dict[str, Any],
     gnss: GnssLog | None,
     model: ImuErrorModel,
     alignments: Sequence[Alignment],
@@ -47,7 +47,9 @@ def summarize_run(
     result : Result
     settings : dict
         Settings in force, units in the keys.
-    imu, gnss : logs
+    imu : dict
+        From :func:`describe_imu`.
+    gnss : GnssLog or None
         As read.
     model : ImuErrorModel
     alignments : sequence of Alignment
@@ -65,7 +67,7 @@ def summarize_run(
     return {
         "navfuse": __version__,
         "python": platform.python_version(),
-        "inputs": {"imu": _imu(imu), "gnss": None if gnss is None else _gnss(gnss, result)},
+        "inputs": {"imu": imu, "gnss": None if gnss is None else _gnss(gnss, result)},
         "settings": settings,
         "imu_model": {**model.to_datasheet(), "source": model.source},
         "start": [_start(alignment) for alignment in alignments],
@@ -92,7 +94,8 @@ def _span(time: np.ndarray) -> dict[str, Any]:
     }
 
 
-def _imu(imu: ImuLog) -> dict[str, Any]:
+def describe_imu(imu: ImuLog) -> dict[str, Any]:
+    """Source, kind, number of rows and times of an inertial log."""
     return {"source": imu.source, "kind": imu.kind, **_span(imu.time)}
 
 

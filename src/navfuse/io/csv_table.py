@@ -8,6 +8,7 @@ column to blame.
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 _HEADER_LIMIT = 1 << 16
+_TAIL_LIMIT, _TAIL_ROWS = 1 << 14, 20
 _NOT_AVAILABLE = frozenset(
     ("", "nan", "-nan", "na", "n/a", "null", "none", "#n/a", "#na", "-1.#ind", "1.#qnan", "nan(ind)", "-nan(ind)")
 )
@@ -86,7 +88,8 @@ class CsvTable:
         import pyarrow
 
         try:
-            table = self._parse(self._path, numeric, text)
+            short = self._without_short_end()
+            table = self._parse(self._path if short is None else pyarrow.BufferReader(short), numeric, text)
         except (pyarrow.ArrowException, OSError, ValueError) as error:
             whole = self._without_cut_line()
             if whole is None:
@@ -181,6 +184,26 @@ class CsvTable:
             f"{self.source}: the last line is cut off ({cells} of {len(self.names)} cells), it was left out"
         )
         return kept
+
+    def _without_short_end(self) -> bytes | None:
+        """The file without a last line that ends, without a line feed, in a cell shorter than in all rows just before:
+        so ends a line that was cut off in its last number. None for a file that shows no such thing.
+        """
+        with self._path.open("rb") as stream:
+            stream.seek(0, os.SEEK_END)
+            stream.seek(max(0, stream.tell() - _TAIL_LIMIT))
+            tail = stream.read()
+        lines = tail.split(b"\n")[1:]
+        if tail.endswith((b"\n", b"\r")) or len(lines) <= _TAIL_ROWS:
+            return None
+        delimiter = self._delimiter.encode()
+        if lines[-1].count(delimiter) + 1 < len(self.names):
+            return None
+        *before, last = (line.rstrip(b"\r").rpartition(delimiter)[2] for line in lines[-_TAIL_ROWS - 1 :])
+        if any(self._decimal.encode() not in cell or len(cell) <= len(last) for cell in before):
+            return None
+        self.notes.append(f"{self.source}: the last line seems to be cut off in its last cell, it was left out")
+        return self._path.read_bytes().rpartition(b"\n")[0]
 
     def _blame(self, numeric: Sequence[str], error: Exception) -> InputError:
         """Error about the first line that cannot be used; Arrow's own words if this pass finds none."""

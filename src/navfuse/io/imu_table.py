@@ -90,7 +90,7 @@ def read_imu(
     values = table.read([match.column[field.base] for field in (TIME, *wanted)])
     notes = [*table.notes, *match.note_unknown()]
 
-    time = scaled(values[match.column["time"]], match.factor["time"])
+    time = scaled(values.pop(match.column["time"]), match.factor["time"])
     gyro, accel = (_triad(values, match, group, matrix) for group in (wanted[:3], wanted[3:]))
     time, gyro, accel = _repair(time, gyro, accel, kind, match, table.where, notes)
     if time.size < 2:
@@ -198,14 +198,14 @@ def _speaks_of_increments(match: Match) -> bool:
 
 
 def _triad(values: dict[str, Array], match: Match, group: Sequence[Field], matrix: Array) -> Array:
-    """Three columns in SI units and body axes."""
-    triad = np.empty((values[match.column["time"]].size, 3))
+    """Three columns in SI units and body axes, taken out of `values`: a long log need not be in memory twice."""
+    triad = np.empty((values[match.column[group[0].base]].size, 3))
     turned = np.count_nonzero(matrix) > 3
     with np.errstate(over="ignore", invalid="ignore"):
         for axis, field in enumerate(group):
             row = axis if turned else int(np.flatnonzero(matrix[:, axis])[0])
             factor = match.factor[field.base] * (1.0 if turned else matrix[row, axis])
-            np.multiply(values[match.column[field.base]], factor, out=triad[:, row], dtype=np.float64)
+            np.multiply(values.pop(match.column[field.base]), factor, out=triad[:, row], dtype=np.float64)
         return triad @ matrix.T if turned else triad
 
 

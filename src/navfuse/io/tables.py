@@ -10,6 +10,7 @@ import os
 import stat
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -80,24 +81,27 @@ class ParquetTable:
         InputError
             If the data are damaged, a column of numbers holds something else, or there are no rows.
         """
+        if self._file.metadata.num_rows == 0:
+            raise InputError(f"{self.source}: the table has columns but no rows")
+        columns: dict[str, Array] = {name: words(self._column(name)) for name in text}
+        for name in numeric:
+            column = self._column(name)
+            values = numbers(column)
+            if values is None:
+                raise InputError(
+                    f"{self.source}: the column '{name}' holds values of type {column.type}, it has to hold numbers"
+                )
+            columns[name] = values.copy()
+        return columns
+
+    def _column(self, name: str) -> Any:
+        """One column: read one at a time and copied, a long log is not in memory twice."""
         import pyarrow
 
         try:
-            table = self._file.read(columns=[*numeric, *text])
+            return self._file.read(columns=[name]).column(name)
         except (pyarrow.ArrowException, OSError, ValueError) as error:
             raise _damaged(self.source, error) from error
-        if table.num_rows == 0:
-            raise InputError(f"{self.source}: the table has columns but no rows")
-        columns: dict[str, Array] = {name: words(table.column(name)) for name in text}
-        for name in numeric:
-            values = numbers(table.column(name))
-            if values is None:
-                kind = table.column(name).type
-                raise InputError(
-                    f"{self.source}: the column '{name}' holds values of type {kind}, it has to hold numbers"
-                )
-            columns[name] = values
-        return columns
 
     def where(self, row: int) -> str:
         """Name a row, counted from 0, as a person counts: from 1."""
