@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,34 @@ def test_outliers_are_not_blamed_on_the_sigmas():
     warning, silence = run_warnings(result(rejected=40))
     assert silence.startswith("no fix was used from 0.0 s to 40.0 s")
     assert warning.startswith("10.0 % of gnss_position rejected; what was used agrees with its standard deviations")
+
+
+def with_outages(drift, windows):
+    """A sound run, of which the fixes of some windows are withheld and off by one constant times `drift` each."""
+    run = result()
+    rng = np.random.default_rng(3)
+    records = run.innovations
+    z, status = records.z.copy(), records.status.astype("<U8")
+    spans = [(20.0 + 30.0 * k, 35.0 + 30.0 * k) for k in range(windows)]
+    for start, end in spans:
+        inside = (records.time >= start) & (records.time < end)
+        z[inside] = drift * rng.standard_normal(3)
+        status[inside] = "withheld"
+    innovations = replace(records, z=z, status=status, nis=(z**2).sum(axis=1))
+    return replace(run, innovations=innovations), spans
+
+
+@pytest.mark.parametrize(("drift", "windows"), [(1.0, 1), (1.0, 5), (1.0, 11), (1.2, 11)])
+def test_a_drift_as_claimed_is_quiet(drift, windows):
+    run, spans = with_outages(drift, windows)
+    assert run_warnings(run, spans) == []
+
+
+def test_a_drift_beyond_the_claim():
+    run, spans = with_outages(3.0, 11)
+    (warning,) = run_warnings(run, spans)
+    assert warning.startswith("in the outages the solution drifted further than claimed: gnss_position ")
+    assert "imu.grade" in warning
 
 
 def test_few_measurements_say_nothing():

@@ -38,6 +38,9 @@ class NisSummary:
         (0.995 for three components and a gate at 99.9 %).
     mean_nis_per_dof_with_rejected : float [1]
         The same with the rejected ones.
+    mean_nis_per_dof_withheld : float [1]
+        That of the withheld ones: above 1 the filter drifts more than it says while it is alone. They follow each
+        other closely, so that an outage counts for little more than one measurement. NaN if none was withheld.
     bounds : (float, float) [1]
         Interval that holds `mean_nis_per_dof` of a right model with the `probability`. Computed from the number of
         measurements and widened by the lag-one correlation of the innovations.
@@ -58,6 +61,7 @@ class NisSummary:
     n: int
     mean_nis_per_dof: float
     mean_nis_per_dof_with_rejected: float
+    mean_nis_per_dof_withheld: float
     bounds: tuple[float, float]
     probability: float
     lag_one: float
@@ -80,6 +84,7 @@ class NisSummary:
             "tested": self.n,
             "mean_nis_per_dof": number(self.mean_nis_per_dof),
             "mean_nis_per_dof_with_rejected": number(self.mean_nis_per_dof_with_rejected),
+            "mean_nis_per_dof_withheld": number(self.mean_nis_per_dof_withheld),
             "bounds": [number(value) for value in self.bounds],
             "probability": self.probability,
             "lag_one": number(self.lag_one),
@@ -153,11 +158,14 @@ def _summary(source: str, everything: Innovations, tested: Innovations, probabil
     counts |= {status: everything.count(source, status) for status in statuses if status not in counts}
     used = tested.select(tested.status == "used")
     offered = tested.select(np.isin(tested.status, ("used", "rejected", "reset")))
+    withheld = _mean_nis(everything.select(everything.status == "withheld"))
     degrees = float(used.dof.sum())
     if degrees == 0.0:
         nan = float("nan")
         bounds = (nan, nan)
-        return NisSummary(source, counts, 0, nan, _mean_nis(offered), bounds, probability, nan, True, "nothing to test")
+        return NisSummary(
+            source, counts, 0, nan, _mean_nis(offered), withheld, bounds, probability, nan, True, "nothing to test"
+        )
     lag_one = lag_one_correlation(used)
     rho = 0.0 if np.isnan(lag_one) else float(np.clip(lag_one, -0.99, 0.99))
     bounds = average_bounds(max(degrees * (1.0 - rho**2) / (1.0 + rho**2), 1.0), probability)
@@ -168,6 +176,7 @@ def _summary(source: str, everything: Innovations, tested: Innovations, probabil
         n=len(used),
         mean_nis_per_dof=mean,
         mean_nis_per_dof_with_rejected=_mean_nis(offered),
+        mean_nis_per_dof_withheld=withheld,
         bounds=bounds,
         probability=probability,
         lag_one=lag_one,

@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from navfuse.analysis.consistency import nis_summary
+from navfuse.analysis.consistency import average_bounds, nis_summary
 from navfuse.data.result import Result
 
 OVERCONFIDENT = 1.5
 """Factor by which innovations may exceed their claimed size before a run says so."""
 REJECTED_SHARE = 0.05
+BY_CHANCE = 0.001
+"""Probability of a drift through the outages that is warned about although the model is right."""
 FEWEST = 10
 """Measurements below which nothing is concluded."""
 STRANGE = 8.0
@@ -59,7 +61,29 @@ def run_warnings(result: Result, exclude: Sequence[tuple[float, float]] = ()) ->
             f"{' and '.join(outliers)} rejected; what was used agrees with its standard deviations, so these were"
             " outliers of the receiver, or the run lost its way for a while: see the innovations"
         )
-    return found + _strange_states(result) + _silence(result, exclude) + _sideways(result)
+    return found + _drift(result, exclude) + _strange_states(result) + _silence(result, exclude) + _sideways(result)
+
+
+def _drift(result: Result, exclude: Sequence[tuple[float, float]]) -> list[str]:
+    """Whether the filter drifted further through the outages than it said; each outage counts as one measurement."""
+    too_far = []
+    for source, summary in nis_summary(result.innovations, exclude).items():
+        records = result.innovations.of(source)
+        withheld = records.select(records.status == "withheld")
+        windows = sum(bool(np.any((withheld.time >= start) & (withheld.time < end))) for start, end in exclude)
+        if not windows:
+            continue
+        factor = float(np.sqrt(summary.mean_nis_per_dof_withheld))
+        chance = average_bounds(windows * float(withheld.dof.mean()), 1.0 - 2.0 * BY_CHANCE)[1]
+        if factor > max(OVERCONFIDENT, float(np.sqrt(chance))):
+            too_far.append(f"{source} {factor:.1f} times")
+    if not too_far:
+        return []
+    return [
+        f"in the outages the solution drifted further than claimed: {', '.join(too_far)}; between fixes the standard "
+        "deviations of this run are too small. The inertial sensor is worse than imu.grade says, or it is not rigidly "
+        "mounted; see also the time offset between the logs (imu.time_offset_s)"
+    ]
 
 
 def _strange_states(result: Result) -> list[str]:
