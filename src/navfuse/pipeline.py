@@ -86,6 +86,7 @@ def process(
     with _collected_warnings() as caught:
         with clock("read"):
             imu, gnss = read_logs(project)
+        _warn_of_idle_outages(gnss, project)
         with clock("increments"):
             increments = cut(to_increments(imu, gap_limit(imu.time)), project.filter.until_s)
             increments = without_false_start(increments)
@@ -147,10 +148,15 @@ def run_project(
     ------
     OutputError
         If the folder cannot be written; found out before the work begins.
+    ConfigError
+        If a log of the project is a file that the run would replace.
     """
     from navfuse.io.atomic import atomic_folder
 
     project = load_project(path)
+    for file in (project.imu.file, project.gnss.file):
+        if file is not None and file.name in _OUTPUT_NAMES and file.resolve().parent == Path(folder).resolve():
+            raise ConfigError(f"{file} is read by this run and would be replaced by it; choose another output folder")
     with atomic_folder(folder, stale=_OUTPUT_NAMES) as staging:
         result = process(project, progress=progress)
         write_result(staging, result, project.output.formats)
@@ -359,6 +365,18 @@ def _without_outages(gnss: GnssLog | None, project: Project) -> GnssLog | None:
     if not keep.any():
         raise AlignmentError("gnss.outages_s withhold every fix; leave some for the filter")
     return gnss.take(keep)
+
+
+def _warn_of_idle_outages(gnss: GnssLog | None, project: Project) -> None:
+    """Windows without a fix, which are in another time scale more often than not."""
+    if gnss is None:
+        return
+    for start, end in project.gnss.outages_s:
+        if not np.any((gnss.time >= start) & (gnss.time < end)):
+            _warn(
+                f"gnss.outages_s: there is no fix to withhold from {start:g} s to {end:g} s; the fixes go from "
+                f"{gnss.time[0]:.3f} s to {gnss.time[-1]:.3f} s"
+            )
 
 
 def _result(project: Project, gnss: GnssLog | None, runs: list[_Run]) -> Result:

@@ -18,5 +18,5 @@ def test_every_key_is_listed(navfuse, monkeypatch):
     heads = [line for line in out.splitlines() if not line.startswith(" ")]
     assert [line.split(":")[0].split(" ")[0] for line in heads] == [entry.key for entry in help_keys()]
     assert "imu.file: path; required" in heads
-    assert "output.rate_hz [Hz]: number, >= 0; default 10.0" in heads
+    assert "output.rate_hz [Hz]: number, >= 0 and <= 1000; default 10.0" in heads
     assert "start.lat_deg [deg]: number, >= -90 and <= 90" in heads

@@ -157,3 +157,38 @@ def test_noisy_positions_are_not_held_against_the_velocities(flaw):
     if flaw == "few":
         time, lat, lon, height, velocity = (part[:2] for part in (time, lat, lon, height, velocity))
     assert check_velocity_units(time, lat, lon, height, velocity, VELOCITY, "f") == []
+
+
+def spoilt(flaw):
+    time, lat, lon, height, velocity = drive(noise=1.0)
+    turned = velocity.copy()
+    if flaw == "positions":
+        return time, lon, lat, height, velocity
+    if flaw == "velocities":
+        turned[:, :2] = velocity[:, 1::-1]
+    else:
+        turned[:, "ne".index(flaw)] *= -1.0
+    return time, lat, lon, height, turned
+
+
+@pytest.mark.parametrize(
+    ("flaw", "told"),
+    [
+        ("positions", "latitude and longitude are exchanged"),
+        ("velocities", "the columns 'vn_mps', 've_mps' are exchanged"),
+        ("n", "latitude or 'vn_mps' has the wrong sign"),
+        ("e", "longitude or 've_mps' has the wrong sign"),
+    ],
+)
+def test_the_exchange_or_sign_that_explains_it_all_is_named(flaw, told):
+    *position, velocity = spoilt(flaw)
+    with pytest.raises(InputError, match=f"do not move as the velocities say, but they would if {told}"):
+        check_velocity_units(*position, velocity, VELOCITY, "f")
+
+
+def test_a_straight_drive_north_tells_no_exchange_from_another():
+    time, lat, lon, height, velocity = drive()
+    velocity = np.tile([12.0, 0.0, 0.0], (time.size, 1))
+    lat = lat[0] + 12.0 * time / 6371e3
+    height = np.full_like(height, 500.0)
+    assert check_velocity_units(time, lat, np.full_like(lon, lon[0]), height, velocity, VELOCITY, "f") == []

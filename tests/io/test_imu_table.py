@@ -215,7 +215,7 @@ def test_isolated_bad_rates_are_left_out(write, rates, name, value):
 
 def test_bad_stamp_of_a_rate(write, rates):
     rates["time_s"][10] = np.nan
-    with pytest.warns(NavfuseWarning, match="1 rows with NaN"):
+    with pytest.warns(NavfuseWarning, match="1 row with NaN"):
         assert read_imu(write(rates)).time.size == 999
 
 
@@ -340,7 +340,7 @@ def test_value_that_overflows_in_si_units(write, rates):
         name.replace("mps2", "g"): values / 9.80665 if "accel" in name else values for name, values in rates.items()
     }
     rates["accel_x_g"][5] = 1.7e308
-    with pytest.warns(NavfuseWarning, match="1 rows with NaN, infinite or absurd values were left out"):
+    with pytest.warns(NavfuseWarning, match="1 row with NaN, infinite or absurd values were left out"):
         assert read_imu(write(rates)).time.size == 999
 
 

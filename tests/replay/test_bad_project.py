@@ -139,3 +139,52 @@ def test_what_config_prints_is_a_project_that_runs(job):
     path.write_text(template())
     code, _, err = navfuse("run", path, "-o", job.output, "--no-report")
     assert code == 0, err
+
+
+def test_a_log_in_the_output_folder_is_not_replaced(job):
+    job.output.mkdir()
+    job.gnss_name = "out/smoothed.csv"
+    path = job.set("gnss", file="out/smoothed.csv").write()
+    before = (job.output / "smoothed.csv").read_bytes()
+    code, _, err = navfuse("run", path, "-o", job.output, "--no-report")
+    assert code == 1
+    assert "smoothed.csv is read by this run and would be replaced by it; choose another output folder" in err
+    assert (job.output / "smoothed.csv").read_bytes() == before
+
+
+def test_an_outage_without_a_fix_is_warned_about(job):
+    job.set("gnss", outages_s=[[5000.0, 5100.0]]).done(
+        "gnss.outages_s: there is no fix to withhold from 5000 s to 5100 s"
+    )
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "value", "words"),
+    [
+        ("imu", "arw_deg_per_sqrt_h", 1e300, ("sensible size",)),
+        ("gnss", "sd_scale", 1e13, ("sensible size",)),
+        ("gnss", "time_offset_s", -1e15, ("sensible size",)),
+        ("output", "rate_hz", 1e9, (">= 0 and <= 1000",)),
+    ],
+)
+def test_numbers_of_absurd_size(job, section, key, value, words):
+    job.set(section, **{key: value}).refused(f"{section}.{key}", *words)
+
+
+def test_axes_and_rotation_are_not_both_taken(job):
+    rotation = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
+    job.set("imu", axes="RFU", rotation=rotation).refused("imu.rotation", "given beside imu.axes")
+
+
+def test_a_run_that_contradicts_itself_says_so_where_it_states_its_accuracy(job):
+    finished = job.set("gnss", sd_scale=0.01, velocity_sd_scale=0.01).done("innovations are larger than claimed")
+    assert "NOT TO BE RELIED ON: innovations are " in finished.outcome.out
+    verdict = finished.summary["verdict"]
+    assert verdict["reliable"] is False
+    assert verdict["innovations_over_claim"] > 10.0
+
+
+def test_a_sound_run_says_that_it_can_be_relied_on(job):
+    finished = job.done()
+    assert "NOT TO BE RELIED ON" not in finished.outcome.out
+    assert finished.summary["verdict"]["reliable"] is True

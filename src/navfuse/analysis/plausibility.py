@@ -7,10 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from navfuse.analysis.consistency import average_bounds, nis_summary
-from navfuse.data.result import Result
+from navfuse.data.result import DOUBTFUL, Result
 
-OVERCONFIDENT = 1.5
-"""Factor by which innovations may exceed their claimed size before a run says so."""
 REJECTED_SHARE = 0.05
 BY_CHANCE = 0.001
 """Probability of a drift through the outages that is warned about although the model is right."""
@@ -45,7 +43,7 @@ def run_warnings(result: Result, exclude: Sequence[tuple[float, float]] = ()) ->
         rejected = summary.counts.get("rejected", 0)
         share = rejected / (summary.n + rejected)
         factor = float(np.sqrt(summary.mean_nis_per_dof))
-        if factor > OVERCONFIDENT:
+        if factor > DOUBTFUL:
             wrong.append(f"{source} {factor:.1f} times ({100.0 * share:.1f} % rejected)")
         elif share > REJECTED_SHARE:
             outliers.append(f"{100.0 * share:.1f} % of {source}")
@@ -75,7 +73,7 @@ def _drift(result: Result, exclude: Sequence[tuple[float, float]]) -> list[str]:
             continue
         factor = float(np.sqrt(summary.mean_nis_per_dof_withheld))
         chance = average_bounds(windows * float(withheld.dof.mean()), 1.0 - 2.0 * BY_CHANCE)[1]
-        if factor > max(OVERCONFIDENT, float(np.sqrt(chance))):
+        if factor > max(DOUBTFUL, float(np.sqrt(chance))):
             too_far.append(f"{source} {factor:.1f} times")
     if not too_far:
         return []

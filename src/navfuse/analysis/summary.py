@@ -10,9 +10,10 @@ import numpy as np
 
 from navfuse import __version__
 from navfuse.analysis.consistency import nis_summary
+from navfuse.analysis.plausibility import run_warnings
 from navfuse.core.constants import STANDARD_GRAVITY
 from navfuse.data.logs import GnssLog, ImuLog
-from navfuse.data.result import Result
+from navfuse.data.result import DOUBTFUL, Result
 
 if TYPE_CHECKING:
     from navfuse.imu.alignment import Alignment
@@ -76,11 +77,21 @@ def summarize_run(
         "measurements": {
             source: summary.to_dict() for source, summary in nis_summary(result.innovations, exclude).items()
         },
+        "verdict": _verdict(result, exclude),
         "expected_accuracy": _accuracy(result),
         "final_sensor_states": {name: _final(name, history) for name, history in result.states.items()},
         "run_time_s": {**seconds, "total": sum(seconds.values())},
         "warnings": list(result.warnings),
     }
+
+
+def _verdict(result: Result, exclude: Sequence[tuple[float, float]]) -> dict[str, Any]:
+    """Whether the standard deviations of the run may be relied on, for programs that read thousands of summaries."""
+    sources = nis_summary(result.innovations, exclude).values()
+    factors = [one.factor for one in sources if np.isfinite(one.factor)]
+    worst = max(factors, default=None)
+    reliable = None if worst is None else worst <= DOUBTFUL and not run_warnings(result, exclude)
+    return {"reliable": reliable, "innovations_over_claim": worst, "warnings": len(result.warnings)}
 
 
 def _span(time: np.ndarray) -> dict[str, Any]:

@@ -14,6 +14,9 @@ Week = Annotated[int, Field(strict=True)]
 Vector = tuple[Number, Number, Number]
 Matrix = tuple[Vector, Vector, Vector]
 
+LARGEST = 1e12
+"""No quantity of a project is larger; the square of one that is would overflow."""
+
 _BOUNDS = {
     "minimum": (">=", lambda value, bound: value >= bound),
     "exclusiveMinimum": (">", lambda value, bound: value > bound),
@@ -87,6 +90,8 @@ class Section(BaseModel):
         for number in _numbers(value):
             if math.isnan(number) or (math.isinf(number) and not known.get("endless")):
                 raise ValueError("must be a finite number")
+            if math.isfinite(number) and abs(number) > LARGEST:
+                raise ValueError(f"must be a number of sensible size, not beyond {LARGEST:g}")
             for name, (_, holds) in _BOUNDS.items():
                 if name in known and not holds(number, known[name]):
                     raise ValueError(f"must be {allowed_range(field)}")

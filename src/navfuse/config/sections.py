@@ -168,7 +168,9 @@ class ImuConfig(Section):
     _resolve = field_validator("file")(_in_folder)
 
     @model_validator(mode="after")
-    def _walk_or_tau(self) -> ImuConfig:
+    def _no_contradiction(self) -> ImuConfig:
+        if self.rotation is not None and self.axes != "FRD":
+            raise ValueError("imu.rotation: given beside imu.axes, which says the same in another way; leave one out")
         for tau, walk in (
             ("gyro_bias_tau_s", "gyro_bias_walk_dph_per_sqrt_h"),
             ("accel_bias_tau_s", "accel_bias_walk_mg_per_sqrt_h"),
@@ -370,7 +372,9 @@ class AidingConfig(Section):
 class OutputConfig(Section):
     """What is written."""
 
-    rate_hz: Number = key(10.0, "Hz", "Rate of the output trajectories; 0 for every IMU sample.", least=0.0)
+    rate_hz: Number = key(
+        10.0, "Hz", "Rate of the output trajectories; 0 for every IMU sample.", least=0.0, most=1000.0
+    )
     formats: tuple[str, ...] = key(("parquet",), "", f"Formats of the tables: {', '.join(FORMATS)}.", shown=True)
 
     @field_validator("formats")

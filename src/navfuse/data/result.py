@@ -18,6 +18,8 @@ Array = np.ndarray
 
 STATUSES = ("used", "rejected", "withheld", "late", "reset")
 COMPONENTS = 3
+DOUBTFUL = 1.5
+"""Factor by which innovations may exceed their claimed size before a run says so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,12 +190,19 @@ class Result:
             worst = int(np.argmax(sd))
             lines.append(
                 f"expected horizontal error (1 sigma): {sd[-1]:.3g} m at the end, "
-                f"{sd[worst]:.3g} m at worst (t = {best.time[worst]:.1f} s)"
+                f"{sd[worst]:.3g} m at worst (t = {best.time[worst]:.1f} s){self._doubt()}"
             )
         if self.states:
             lines.append(f"estimated sensor states: {', '.join(self.states)}")
         lines += [f"warning: {text}" for text in self.warnings]
         return "\n".join(lines)
+
+    def _doubt(self) -> str:
+        """What stands behind a standard deviation that the innovations contradict."""
+        factor = self.summary.get("verdict", {}).get("innovations_over_claim")
+        if factor is None or factor < DOUBTFUL:
+            return ""
+        return f" - NOT TO BE RELIED ON: innovations are {factor:.1f} times as large as claimed"
 
 
 def _require_shape(name: str, array: Array, shape: tuple[int, ...]) -> None:

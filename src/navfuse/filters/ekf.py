@@ -296,7 +296,7 @@ class ErrorStateFilter:
         self._pointers[which] = k + 1
         if time < self.time - TIME_TOLERANCE or self._acc[ACC_TIME] > 0.0:
             self.record.innovations.append(
-                Innovation(time, sensor.name, sensor.log_row(k), LATE, np.nan, np.empty(0), np.empty(0))
+                Innovation(time, sensor.name, sensor.log_row(k), LATE, np.nan, np.empty(0), np.empty((0, 0)))
             )
             return True
         z, H, R = sensor.linearize(self.nav_state(), k)
@@ -313,13 +313,12 @@ class ErrorStateFilter:
                 "positive definite or a value "
                 "is not finite; look at its noise and at the start covariance"
             )
-        sd = np.sqrt(S.diagonal())
         status = WITHHELD if withheld else USED if nis <= gate else REJECTED
         if not withheld:
             keeper.watch(nis / d, time)
         if status == REJECTED and keeper.reject(time):
             self._loosen(1.01 * nis / gate)
-            nis_after = update(self.P, H, R, z, np.inf, self._hold.direction, K, S, Sinv, dx)
+            nis_after = update(self.P, H, R, z, np.inf, self._hold.direction, K, np.empty((d, d)), Sinv, dx)
             if not isfinite(nis_after):
                 raise FilterError(f"the covariance is no longer positive definite at {time:.3f} s")
             status = RESET
@@ -328,7 +327,7 @@ class ErrorStateFilter:
             keeper.accept()
             self._correct(dx)
             updates.append(Update(H, K, Sinv, z, dx[6:9]))
-        self.record.innovations.append(Innovation(time, sensor.name, sensor.log_row(k), status, nis, z, sd))
+        self.record.innovations.append(Innovation(time, sensor.name, sensor.log_row(k), status, nis, z, S))
         return False
 
     def _loosen(self, factor: float) -> None:

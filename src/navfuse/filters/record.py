@@ -50,7 +50,7 @@ class Checkpoint(NamedTuple):
 
 
 class Innovation(NamedTuple):
-    """One measurement, used or not."""
+    """One measurement, used or not: innovation z (d,) and its covariance S (d, d); both empty if it came late."""
 
     time: float
     source: str
@@ -58,7 +58,12 @@ class Innovation(NamedTuple):
     status: str
     nis: float
     z: Array
-    sd: Array
+    S: Array
+
+    @property
+    def sd(self) -> Array:
+        """Standard deviations (d,) of the innovation."""
+        return np.sqrt(self.S.diagonal())
 
 
 @dataclass

@@ -2,8 +2,8 @@
 
 Whatever goes forward turns its course when it turns itself. The angular rate along the specific force (which is the
 vertical to a car, and the axis of the turn to an aeroplane in a coordinated one) is integrated and held against the
-course over ground, at all shifts of time up to ten seconds. The slope tells units and sign of the gyroscopes, the best
-shift the offset between the clocks. Mounting, biases and levelling do not enter: the dot product is the same in any
+course over ground, at all shifts of time up to 20 s. The slope tells units and sign of the gyroscopes, the best shift
+the offset between the clocks. Mounting, biases and levelling do not enter: the dot product is the same in any
 axes, and a constant rate drops out.
 
 Vehicles that move another way than they point (helicopters, pedestrians) show no correlation and are not judged.
@@ -23,7 +23,10 @@ from navfuse.imu.increments import ImuIncrements
 Array = np.ndarray
 
 STEP_S = 0.1
-LONGEST_LAG_S = 10.0
+LONGEST_LAG_S, LAG_SHARE = 20.0, 1.0 / 6.0
+"""Shifts that are tried: at most 20 s, and a sixth of the log."""
+LEAP_SECONDS = 18.0
+"""GPS time less UTC since 2017."""
 LEAST_SPEED = 3.0
 FULL_SPEED = 20.0
 CHORD_S = 4.0
@@ -88,10 +91,12 @@ def check_turns(increments: ImuIncrements, gnss: GnssLog) -> list[str]:
             f"the gyroscopes turn {fit.ratio:.2f} times as much as the course over ground; check their unit and rate"
         )
     if abs(fit.lag_s) > LAG_TOLD_S:
+        leap = abs(abs(fit.lag_s) - LEAP_SECONDS) < 0.5
+        clocks = "; GPS time and UTC are that far apart" if leap else ""
         notes.append(
             f"the stamps of the inertial data look {abs(fit.lag_s):.1f} s too {'late' if fit.lag_s > 0 else 'early'}"
             f" against those of GNSS: the turns agree best (correlation {fit.correlation:.3f}) with"
-            f" {-fit.lag_s:+.1f} s added to imu.time_offset_s"
+            f" {-fit.lag_s:+.1f} s added to imu.time_offset_s{clocks}"
         )
     return notes
 
@@ -105,13 +110,14 @@ def fit_turns(increments: ImuIncrements, gnss: GnssLog) -> TurnFit | None:
         None if it moves too little, or too regularly, to say anything.
     """
     grid, heading = _turned(increments)
-    begin, end, course, weight = _changes_of_course(gnss, grid[0] + LONGEST_LAG_S, grid[-1] - LONGEST_LAG_S)
+    longest = STEP_S * round(min(LONGEST_LAG_S, LAG_SHARE * (grid[-1] - grid[0])) / STEP_S)
+    begin, end, course, weight = _changes_of_course(gnss, grid[0] + longest, grid[-1] - longest)
     if course.size < FEWEST:
         return None
     share = weight / weight.sum()
     y = course - share @ course
     variance = share @ y**2
-    lags = np.arange(-LONGEST_LAG_S, LONGEST_LAG_S + 0.5 * STEP_S, STEP_S)
+    lags = np.arange(-longest, longest + 0.5 * STEP_S, STEP_S)
     correlation, slope = np.zeros(lags.size), np.zeros(lags.size)
     for k, lag in enumerate(lags):
         turn = _between(grid, heading, end + lag) - _between(grid, heading, begin + lag)

@@ -72,7 +72,7 @@ class Match:
 
     def note_unknown(self) -> list[str]:
         """One note for the columns that are ignored, or none."""
-        names = ", ".join(f"'{name}'" for name in self.unknown if name)
+        names = ", ".join(f"'{name}'" for name in self.unknown if name and not name.startswith("__index_level_"))
         if not names:
             return []
         return [f"{self.source}: ignored columns that navfuse does not know: {names}"]

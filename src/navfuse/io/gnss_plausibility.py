@@ -22,6 +22,8 @@ _ALIKE = 0.9
 _SPAN = 10.0
 _APART = 2.0
 _WILDLY_APART = 20.0
+_FITS = 0.25
+"""Distance of velocity and motion over the motion, up to which they agree."""
 
 
 def check_position_units(
@@ -111,8 +113,10 @@ def check_velocity_units(
     Raises
     ------
     InputError
-        If it is another motion by tens of metres per second.
+        If columns are exchanged or a sign is wrong beyond doubt, or if it is another motion by tens of metres per
+        second.
     """
+    _refuse_exchange(time, lat, lon, height, velocity_n, names, source)
     notes = []
     groups = (f"'{names[0]}', '{names[1]}'", f"'{names[2]}'")
     for (ratio, correlation, rms), (apart, moved), columns in zip(
@@ -142,6 +146,34 @@ def check_velocity_units(
         if apart > _APART + 0.3 * moved:
             notes.append(fault)
     return notes
+
+
+def _refuse_exchange(
+    time: Array, lat: Array, lon: Array, height: Array, velocity_n: Array, names: tuple[str, ...], source: str
+) -> None:
+    """Name the one exchange or sign that makes positions and velocities tell the same motion, if they do not as is."""
+    north, east, down = velocity_n.T
+    velocities = f"'{names[0]}', '{names[1]}'"
+    guesses = {
+        "": (lat, lon, velocity_n),
+        "latitude and longitude are exchanged": (lon, lat, velocity_n),
+        f"the columns {velocities} are exchanged": (lat, lon, np.column_stack((east, north, down))),
+        f"latitude or '{names[0]}' has the wrong sign": (lat, lon, np.column_stack((-north, east, down))),
+        f"longitude or '{names[1]}' has the wrong sign": (lat, lon, np.column_stack((north, -east, down))),
+        f"the columns {velocities} have the wrong sign": (lat, lon, np.column_stack((-north, -east, down))),
+    }
+    misfit = {}
+    for guess, (phi, lam, velocity) in guesses.items():
+        apart, moved = _motion_apart(time, phi, lam, height, velocity)[0]
+        if moved < _APART:
+            return
+        misfit[guess] = apart / moved
+    best, second = sorted(misfit, key=misfit.__getitem__)[:2]
+    fits = misfit[best] < _FITS and misfit[second] > 2.0 * misfit[best]
+    if best and fits and misfit[""] > max(_FITS, 4.0 * misfit[best]):
+        raise InputError(
+            f"{source}: the positions do not move as the velocities say, but they would if {best}; correct the file"
+        )
 
 
 def _moves_alike(time: Array, lat: Array, lon: Array, height: Array, velocity_n: Array) -> bool:

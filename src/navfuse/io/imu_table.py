@@ -13,7 +13,8 @@ from navfuse.data.logs import ImuLog
 from navfuse.errors import ConfigError, InputError, NavfuseWarning
 from navfuse.io.columns import Field, Match, fields, match_columns, require
 from navfuse.io.imu_plausibility import check_imu_units
-from navfuse.io.repair import check_isolated, silent_rows, time_order
+from navfuse.io.repair import check_isolated, count_rows, silent_rows, time_order
+from navfuse.io.spikes import spikes
 from navfuse.io.tables import Where, open_table
 from navfuse.io.units import scaled
 
@@ -210,17 +211,32 @@ def _triad(values: dict[str, Array], match: Match, group: Sequence[Field], matri
 
 
 def _repair(
-    time: Array, gyro: Array, accel: Array, kind: str, match: Match, where: Where, notes: list[str]
+    time: Array,
+    gyro: Array,
+    accel: Array,
+    kind: Literal["rates", "increments"],
+    match: Match,
+    where: Where,
+    notes: list[str],
 ) -> tuple[Array, Array, Array]:
     """Mend rows of values that no sensor gives, and the order of time; appends to `notes`."""
     rows = np.arange(time.size)
+    done = "left out" if kind == "rates" else "interpolated"
     gaps = _bad_rows(time, gyro, accel, match.source, where)
     if gaps is not None:
-        done = "left out" if kind == "rates" else "interpolated"
+        found = count_rows(int(np.count_nonzero(gaps)))
+        first = where(int(np.argmax(gaps)))
+        notes.append(f"{match.source}: {found} with NaN, infinite or absurd values were {done}, the first is {first}")
+    blank = np.zeros(1, dtype=bool) if gaps is None else gaps
+    wild = spikes(time, _without(gyro, blank), _without(accel, blank), kind)
+    if wild.size:
         notes.append(
-            f"{match.source}: {np.count_nonzero(gaps)} rows with NaN, infinite or absurd values were {done}, the first"
-            f" is {where(int(np.argmax(gaps)))}"
+            f"{match.source}: single rows far out of those around them, as transmission errors leave them, were {done}:"
+            f" {wild.size} of them, the first is {where(int(wild[0]))}"
         )
+        gaps = np.zeros(time.size, dtype=bool) if gaps is None else gaps
+        gaps[wild] = True
+    if gaps is not None:
         rows = np.flatnonzero(~gaps) if kind == "rates" else _rows_between_stamps(time)
     stamps = time if gaps is None else _interpolate_stamps(time)[rows]
     order = time_order(stamps, match.column["time"], match.source, lambda row: where(int(rows[row])))
@@ -229,6 +245,7 @@ def _repair(
     data = np.hstack((gyro, accel))
     if gaps is not None:
         data[gaps] = np.where(np.abs(data[gaps]) < _ABSURD, data[gaps], np.nan)
+        data[wild] = np.nan
         time, data = stamps, data[rows]
     if order is not None:
         time, data = time[order.order], data[order.order]
@@ -254,6 +271,11 @@ def _bad_rows(time: Array, gyro: Array, accel: Array, source: str, where: Where)
         fine &= np.all(np.abs(triad) < _ABSURD, axis=1)
     check_isolated(~fine, source, where, f"NaN, infinite or absurd values (beyond {_ABSURD:g})")
     return ~fine
+
+
+def _without(values: Array, rows: Array) -> Array:
+    """The values with NaN in some rows."""
+    return np.where(rows[:, None], np.nan, values) if rows.any() else values
 
 
 def _rows_between_stamps(time: Array) -> Array:

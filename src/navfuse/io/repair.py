@@ -41,6 +41,11 @@ class TimeOrder:
     note: str
 
 
+def count_rows(number: int) -> str:
+    """The number with its noun, singular or plural."""
+    return f"{number} row" if number == 1 else f"{number} rows"
+
+
 def check_isolated(bad: Array, source: str, where: Where, fault: str) -> None:
     """Refuse flawed rows that are too many, or too many in a row, to be repaired.
 
@@ -144,9 +149,16 @@ def time_order(time: Array, column: str, source: str, where: Where) -> TimeOrder
         n_repeated > 0
     )
     if n_late + n_repeated >= MAX_SHARE * time.size:
+        cause = "Does the clock wrap at midnight or at the week's end, or are two logs joined?"
+        if n_late == 0:
+            cause = (
+                f"Stamps in steps of {step[step > 0.0].min():.3g} s are too coarse; write them with more digits (64-bit"
+                " numbers in Parquet)"
+                if (step > 0.0).any()
+                else "The clock stands still"
+            )
         raise InputError(
             f"{source}: column '{column}' does not increase: {' and '.join(counts)} of {time.size}, the first is"
-            f" {where(flaw)} with {time[flaw]:.9g} s after {time[flaw - 1]:.9g} s; 1 % or more is not repaired. Does"
-            " the clock wrap at midnight or at the week's end, or are two logs joined?"
+            f" {where(flaw)} with {time[flaw]:.9g} s after {time[flaw - 1]:.9g} s; 1 % or more is not repaired. {cause}"
         )
     return TimeOrder(order, first, f"{source}: {' and '.join(counts)} of {time.size}, the first is {where(flaw)}")

@@ -9,7 +9,7 @@ import numpy as np
 
 from navfuse.analysis.consistency import NisSummary
 from navfuse.analysis.metrics import ErrorMetrics
-from navfuse.data.result import Result
+from navfuse.data.result import DOUBTFUL, Result
 from navfuse.report.series import POSITION_SOURCE, distance, gaps, withheld_windows
 
 OVERCONFIDENT = 1.25
@@ -195,13 +195,17 @@ def _cards(result: Result, consistency: dict[str, NisSummary], metrics: dict[str
         sd = np.hypot(best.sd_position[:, 0], best.sd_position[:, 1])
         worst = int(np.argmax(sd))
         kind = "filter" if result.smoothed is None else "smoother"
+        doubtful = any(summary.factor > DOUBTFUL for summary in consistency.values())
+        doubt = ": not to be relied on, see above" if doubtful else ""
         cards += [
             Card(
                 "Expected error at the end",
                 metres(sd[-1]),
-                f"horizontal, 1 sigma, {kind}; vertical {metres(best.sd_position[-1, 2])}",
+                f"horizontal, 1 sigma, {kind}; vertical {metres(best.sd_position[-1, 2])}{doubt}",
             ),
-            Card("Expected error at worst", metres(sd[worst]), f"horizontal, 1 sigma, at {best.time[worst]:.1f} s"),
+            Card(
+                "Expected error at worst", metres(sd[worst]), f"horizontal, 1 sigma, at {best.time[worst]:.1f} s{doubt}"
+            ),
         ]
     for solution, metric in metrics.items():
         horizontal, vertical = metric.statistics["position_horizontal"], metric.statistics["position_down"]
