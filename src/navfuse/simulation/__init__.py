@@ -3,6 +3,10 @@
 ::
 
     car_drive, figure_eight_flight, circle_flight, static    -> Motion          (vehicles)
+    Vehicle, segments such as Accelerate and Turn            -> Motion          (rules, segments.drive)
+    Vehicle, waypoints                                       -> Motion          (waypoints.follow_waypoints)
+    table of positions and perhaps attitudes                 -> Motion          (track_files, track.follow_track)
+    moves of a rotating table                                -> Motion          (table.rotating_table)
     Motion, stamps                                           -> perfect ImuLog  (perfect_imu)
     perfect ImuLog, ImuErrorModel                            -> ImuLog, errors  (sensors.add_imu_errors)
     Motion                                                   -> GnssLog         (sensors.gnss_fixes)
@@ -12,23 +16,64 @@
 from navfuse.simulation.logs import SimulatedLogs, simulate
 from navfuse.simulation.motion import Motion, MotionState
 from navfuse.simulation.perfect_imu import perfect_imu, sample_times
+from navfuse.simulation.route import Vehicle
+from navfuse.simulation.rules import VEHICLES, aircraft, boat, car, drone, pedestrian
+from navfuse.simulation.segments import (
+    Accelerate,
+    Climb,
+    FigureEight,
+    Hold,
+    Stop,
+    STurns,
+    Turn,
+    drive,
+    segments_from_tables,
+)
 from navfuse.simulation.sensors import ImuErrorTruth, add_imu_errors, antenna_state, gauss_markov, gnss_fixes
+from navfuse.simulation.table import TableMove, rotating_table
+from navfuse.simulation.track import follow_track, track_residuals
+from navfuse.simulation.track_files import read_track
 from navfuse.simulation.vehicles import car_drive, circle_flight, figure_eight_flight, static
+from navfuse.simulation.waypoints import Waypoint, follow_waypoints, local_waypoints
 
 __all__ = [
+    "VEHICLES",
+    "Accelerate",
+    "Climb",
+    "FigureEight",
+    "Hold",
     "ImuErrorTruth",
     "Motion",
     "MotionState",
+    "STurns",
     "SimulatedLogs",
+    "Stop",
+    "TableMove",
+    "Turn",
+    "Vehicle",
+    "Waypoint",
     "add_imu_errors",
+    "aircraft",
     "antenna_state",
+    "boat",
+    "car",
     "car_drive",
     "circle_flight",
+    "drive",
+    "drone",
     "figure_eight_flight",
+    "follow_track",
+    "follow_waypoints",
     "gauss_markov",
     "gnss_fixes",
+    "local_waypoints",
+    "pedestrian",
     "perfect_imu",
+    "read_track",
+    "rotating_table",
     "sample_times",
+    "segments_from_tables",
     "simulate",
     "static",
+    "track_residuals",
 ]
