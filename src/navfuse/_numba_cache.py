@@ -21,7 +21,7 @@ from pathlib import Path
 VARIABLE = "NUMBA_CACHE_DIR"
 OWN_CHOICE = "NAVFUSE_NUMBA_CACHE_DIR"
 STALE_DAYS = 30.0
-NO_KERNELS = ("cli", "config", "report", "pipeline.py", "__main__.py")
+NO_KERNELS = ("cli", "config", "montecarlo", "report", "demo.py", "pipeline.py", "__main__.py")
 
 _PACKAGE = Path(__file__).parent
 

@@ -10,10 +10,16 @@
     Motion, stamps                                           -> perfect ImuLog  (perfect_imu)
     perfect ImuLog, ImuErrorModel                            -> ImuLog, errors  (sensors.add_imu_errors)
     Motion                                                   -> GnssLog         (sensors.gnss_fixes)
+    perfect ImuLog, ImuSensorModel                           -> ImuLog, errors  (measured_imu.measure_imu)
+    Motion, GnssReceiverModel                                -> GnssLog, errors (measured_gnss.measure_gnss)
     all of it                                                -> SimulatedLogs   (simulate)
 """
 
+from navfuse.simulation.gnss_errors import FixType, GnssReceiverModel
+from navfuse.simulation.imu_errors import ImuSensorModel
 from navfuse.simulation.logs import SimulatedLogs, simulate
+from navfuse.simulation.measured_gnss import GnssTruth, measure_gnss
+from navfuse.simulation.measured_imu import ImuSensorTruth, measure_imu
 from navfuse.simulation.motion import Motion, MotionState
 from navfuse.simulation.perfect_imu import perfect_imu, sample_times
 from navfuse.simulation.route import Vehicle
@@ -41,8 +47,13 @@ __all__ = [
     "Accelerate",
     "Climb",
     "FigureEight",
+    "FixType",
+    "GnssReceiverModel",
+    "GnssTruth",
     "Hold",
     "ImuErrorTruth",
+    "ImuSensorModel",
+    "ImuSensorTruth",
     "Motion",
     "MotionState",
     "STurns",
@@ -67,6 +78,8 @@ __all__ = [
     "gauss_markov",
     "gnss_fixes",
     "local_waypoints",
+    "measure_gnss",
+    "measure_imu",
     "pedestrian",
     "perfect_imu",
     "read_track",

@@ -1,0 +1,217 @@
+"""What the runs of a campaign say about the filter: averages within bounds, ratios, and a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from navfuse.analysis.ensemble import (
+    Average,
+    Finding,
+    Rmse,
+    average,
+    family_probability,
+    findings,
+    group_ratios,
+    most_telling,
+    rms_error,
+    verdict,
+)
+from navfuse.errors import ConfigError, InputError
+from navfuse.montecarlo.campaign import Campaign
+from navfuse.montecarlo.single import SAME_TIME, RunRecord
+
+Array = np.ndarray
+
+SETTLE_S = 10.0
+VERDICT_PROBABILITY = 0.999
+"""Of all bounds of the verdict together, at one epoch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """Consistency of one estimator over the runs.
+
+    Attributes
+    ----------
+    estimator : str
+        ``"filter"`` or ``"smoother"``.
+    runs : int
+    settle_s : float [s]
+        Epochs before it are shown, but not judged.
+    nees : dict of str to Average
+        Of every group of states, the whole last, with 99 % bounds; none for a smoother, which shows deviations only.
+    nis : dict of str to Average
+        Of every aiding source, all measurements that an innovation was formed of; none for a smoother.
+    squares : dict of str to Average
+        Squared error over variance of every component.
+    rms : list of Rmse
+        Of every component, after `settle_s`.
+    findings : list of Finding
+        What is outside for more than 3 % of the time. For this the bounds are widened so that a consistent filter is
+        inside those of all groups, and of all components, with 99.9 % at any one epoch: errors that last, such as a
+        scale factor that nothing observes, have only one chance in a campaign.
+    verdict : str
+    """
+
+    estimator: str
+    runs: int
+    settle_s: float
+    nees: dict[str, Average]
+    nis: dict[str, Average]
+    squares: dict[str, Average]
+    rms: list[Rmse]
+    findings: list[Finding]
+    verdict: str
+
+    @property
+    def consistent(self) -> bool:
+        """Whether nothing stands out."""
+        return not self.findings
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """RMSE over sigma of every group of states."""
+        return group_ratios(self.rms)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For ``summary.json``."""
+        return {
+            "runs": self.runs,
+            "verdict": self.verdict,
+            "settle_s": self.settle_s,
+            "nees": {name: self._described(entry) for name, entry in self.nees.items()},
+            "nis": {name: self._described(entry) for name, entry in self.nis.items()},
+            "rmse_over_sigma": self.ratios,
+            "components": {
+                entry.component.name: {
+                    "unit": entry.component.unit,
+                    "rmse": entry.total * entry.component.factor,
+                    "rmse_95": [entry.low * entry.component.factor, entry.high * entry.component.factor],
+                    "sigma": entry.total_sigma * entry.component.factor,
+                    "ratio": entry.ratio,
+                    "share_inside_99": self.squares[entry.component.name].after(self.settle_s).share_inside,
+                }
+                for entry in self.rms
+            },
+            "findings": [
+                {
+                    "name": finding.name,
+                    "factor": finding.factor,
+                    "start_s": finding.start,
+                    "end_s": finding.end,
+                    "share_outside": finding.share,
+                }
+                for finding in self.findings
+            ],
+        }
+
+    def _described(self, entry: Average) -> dict[str, Any]:
+        judged = entry.after(self.settle_s)
+        return {
+            "mean_per_dof": float(np.mean(judged.mean)),
+            "bounds_99": [float(np.mean(judged.low)), float(np.mean(judged.high))],
+            "share_inside_99": judged.share_inside,
+        }
+
+
+def assess(campaign: Campaign, settle_s: float = SETTLE_S) -> dict[str, Assessment]:
+    """Judge the filter, and the smoother if there was one.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    settle_s : float [s]
+        Length of the beginning that is not judged.
+
+    Returns
+    -------
+    dict of str to Assessment
+        ``"filter"`` and ``"smoother"``.
+
+    Raises
+    ------
+    InputError
+        If the runs do not share their epochs.
+    ConfigError
+        If nothing is left to be judged.
+    """
+    runs = campaign.runs
+    time = runs[0].time
+    for run in runs:
+        if run.time.shape != time.shape or np.any(np.abs(run.time - time) > SAME_TIME):
+            raise InputError(
+                f"seed {run.seed} has other epochs than seed {runs[0].seed}: runs can only be averaged where all of "
+                "them have measurements at the same times"
+            )
+    begin = float(time[0]) + settle_s
+    if not begin <= time[-1]:
+        raise ConfigError(
+            f"the runs last {time[-1] - time[0]:g} s, of which the first {settle_s:g} s are not judged: nothing is "
+            "left; make the runs longer"
+        )
+    nees = {
+        name: average(name, time, np.array([run.nees[name] for run in runs]), dof) for name, dof in runs[0].dof.items()
+    }
+    judged_groups = _widened(nees, runs, begin)
+    error, sd = (np.array([getattr(run, name) for run in runs]) for name in ("error", "sd"))
+    found = {"filter": _assessment("filter", runs, time, begin, error, sd, nees, _nis(runs), judged_groups)}
+    smoothed = [(run.smoothed_error, run.smoothed_sd) for run in runs]
+    if smoothed[0][0] is not None:
+        error, sd = (np.array([pair[k] for pair in smoothed]) for k in (0, 1))
+        found["smoother"] = _assessment("smoother", runs, time, begin, error, sd, {}, {}, [])
+    return found
+
+
+def _assessment(
+    estimator: str,
+    runs: Sequence[RunRecord],
+    time: Array,
+    begin: float,
+    error: Array,
+    sd: Array,
+    nees: dict[str, Average],
+    nis: dict[str, Average],
+    judged_groups: list[Average],
+) -> Assessment:
+    components = runs[0].components
+    there = np.asarray(np.all(np.isfinite(error) & (sd > 0.0), axis=0))
+    judged = np.asarray(time >= begin - SAME_TIME)
+    usable = np.flatnonzero((there & judged[:, None]).any(axis=0)).tolist()
+    each = family_probability(len(usable), VERDICT_PROBABILITY)
+    squares, wide, rms = {}, [], []
+    for k in usable:
+        component, at, rows = components[k], time[there[:, k]], there[:, k] & judged
+        ratio = (error[:, there[:, k], k] / sd[:, there[:, k], k]) ** 2
+        squares[component.name] = average(component.name, at, ratio, 1.0)
+        wide.append(average(component.name, at, ratio, 1.0, each).after(begin))
+        rms.append(rms_error(component, time[rows], error[:, rows, k], sd[:, rows, k]))
+    members = {component.name: component.group for component in components}
+    named = most_telling(findings(judged_groups), findings(wide), members)
+    return Assessment(estimator, len(runs), begin, nees, nis, squares, rms, named, verdict(named))
+
+
+def _widened(nees: dict[str, Average], runs: Sequence[RunRecord], begin: float) -> list[Average]:
+    probability = family_probability(len(nees), VERDICT_PROBABILITY)
+    return [
+        average(name, runs[0].time, np.array([run.nees[name] for run in runs]), dof, probability).after(begin)
+        for name, dof in runs[0].dof.items()
+    ]
+
+
+def _nis(runs: Sequence[RunRecord]) -> dict[str, Average]:
+    """Average NIS of every source, at the times that every run has; rejected measurements count."""
+    found = {}
+    for source in runs[0].innovations.sources:
+        entries = [run.innovations.of(source) for run in runs]
+        if any(len(entry) != len(entries[0]) for entry in entries):
+            continue
+        nis = np.array([entry.nis for entry in entries])
+        there = np.isfinite(nis).any(axis=0)
+        dof = entries[0].dof[there]
+        if there.any() and np.all(dof == dof[0]):
+            found[source] = average(source, entries[0].time[there], nis[:, there], float(dof[0]))
+    return found

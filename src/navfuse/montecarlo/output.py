@@ -1,0 +1,206 @@
+"""What a campaign leaves on disk, and what it tells a person."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from navfuse.analysis.ensemble import SHARE_INSIDE
+from navfuse.errors import ConfigError
+from navfuse.io.atomic import atomic_folder
+from navfuse.io.json_file import write_json
+from navfuse.io.tables import write_table
+from navfuse.montecarlo.assessment import SETTLE_S, Assessment, assess
+from navfuse.montecarlo.campaign import Campaign, Progress, run_campaign
+from navfuse.montecarlo.recipes import Recipe, SimulatedRecipe
+from navfuse.report.montecarlo_figures import figure_averages, figure_rmse
+
+Array = np.ndarray
+
+FILES = (
+    "runs.parquet",
+    "nis.parquet",
+    "nees.parquet",
+    "summary.json",
+    "nees.png",
+    "nis.png",
+    "rmse.png",
+    "rmse_smoother.png",
+)
+
+
+def montecarlo(
+    recipe: Recipe,
+    folder: str | os.PathLike[str],
+    runs: int = 200,
+    *,
+    jobs: int | None = None,
+    first_seed: int = 0,
+    settle_s: float = SETTLE_S,
+    progress: Progress | None = None,
+) -> tuple[Campaign, dict[str, Assessment]]:
+    """Run, judge and write a campaign.
+
+    Parameters
+    ----------
+    recipe : callable, seed -> Case
+    folder : path-like
+        Of the results; see :func:`write_campaign`.
+    runs, jobs, first_seed, progress
+        As :func:`~navfuse.montecarlo.campaign.run_campaign`.
+    settle_s : float [s]
+        Beginning of each run that is not judged.
+
+    Returns
+    -------
+    Campaign
+    assessments : dict of str to Assessment
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written; found out before the work begins.
+    ConfigError, FilterError, InputError
+        As :func:`~navfuse.montecarlo.campaign.run_campaign` and :func:`~navfuse.montecarlo.assessment.assess`.
+    """
+    length = recipe.duration if isinstance(recipe, SimulatedRecipe) else np.inf
+    if not 0.0 <= settle_s < length:
+        raise ConfigError(
+            f"the beginning that is not judged must be at least 0 s and shorter than a run ({length:g} s), not "
+            f"{settle_s:g} s"
+        )
+    with atomic_folder(folder, stale=FILES) as staging:
+        campaign = run_campaign(recipe, runs, jobs=jobs, first_seed=first_seed, progress=progress)
+        assessments = assess(campaign, settle_s)
+        write_campaign(staging, campaign, assessments, _settings(recipe))
+    return campaign, assessments
+
+
+def write_campaign(
+    folder: Path, campaign: Campaign, assessments: dict[str, Assessment], settings: dict[str, Any]
+) -> None:
+    """Write the tables, the summary and the plots of a campaign into an existing folder.
+
+    ``runs.parquet`` has a row for each run and epoch: NEES of every group, error and sigma of every component in
+    printed units. ``nis.parquet`` has a row for each measurement, ``nees.parquet`` the averages with their bounds. All
+    three depend on recipe and seeds alone, not on the number of processes.
+    """
+    write_table(folder / "runs.parquet", run_columns(campaign))
+    write_table(folder / "nis.parquet", _nis_columns(campaign))
+    write_table(folder / "nees.parquet", _average_columns(assessments["filter"]))
+    write_json(folder / "summary.json", summary(campaign, assessments, settings))
+    judged = assessments["filter"]
+    figure_averages(list(judged.nees.values()), "NEES", judged.settle_s).savefig(folder / "nees.png")
+    if judged.nis:
+        figure_averages(list(judged.nis.values()), "NIS", judged.settle_s).savefig(folder / "nis.png")
+    figure_rmse(judged.rms).savefig(folder / "rmse.png")
+    if "smoother" in assessments:
+        figure_rmse(assessments["smoother"].rms).savefig(folder / "rmse_smoother.png")
+
+
+def run_columns(campaign: Campaign) -> dict[str, Array]:
+    """Columns of ``runs.parquet``: ``seed, time_s, nees_*, err_*, sd_*``, and of a smoother ``smoothed_err_*, ...``."""
+    runs = campaign.runs
+    columns = {
+        "seed": np.repeat([run.seed for run in runs], [run.time.size for run in runs]),
+        "time_s": np.concatenate([run.time for run in runs]),
+    }
+    for name in runs[0].nees:
+        columns[f"nees_{name.replace(' ', '_')}"] = np.concatenate([run.nees[name] for run in runs])
+    tables = {"err": "error", "sd": "sd"}
+    if runs[0].smoothed_error is not None:
+        tables |= {"smoothed_err": "smoothed_error", "smoothed_sd": "smoothed_sd"}
+    for prefix, attribute in tables.items():
+        stacked = np.concatenate([getattr(run, attribute) for run in runs])
+        for k, component in enumerate(runs[0].components):
+            columns[f"{prefix}_{component.name}_{component.unit}"] = stacked[:, k] * component.factor
+    return columns
+
+
+def _nis_columns(campaign: Campaign) -> dict[str, Array]:
+    runs = campaign.runs
+    seeds = np.repeat([run.seed for run in runs], [len(run.innovations) for run in runs])
+    parts = [run.innovations.to_columns() for run in runs]
+    return {"seed": seeds} | {
+        name: np.concatenate([part[name] for part in parts]) for name in ("time_s", "source", "status", "nis", "dof")
+    }
+
+
+def _average_columns(assessment: Assessment) -> dict[str, Array]:
+    entries = [("nees", entry) for entry in assessment.nees.values()]
+    entries += [("nis", entry) for entry in assessment.nis.values()]
+    entries += [("squared_ratio", entry) for entry in assessment.squares.values()]
+    return {
+        "kind": np.concatenate([np.repeat(kind, entry.time.size) for kind, entry in entries]),
+        "name": np.concatenate([np.repeat(entry.name, entry.time.size) for _, entry in entries]),
+        "time_s": np.concatenate([entry.time for _, entry in entries]),
+        "mean_per_dof": np.concatenate([entry.mean for _, entry in entries]),
+        "low_99": np.concatenate([entry.low for _, entry in entries]),
+        "high_99": np.concatenate([entry.high for _, entry in entries]),
+    }
+
+
+def summary(campaign: Campaign, assessments: dict[str, Assessment], settings: dict[str, Any]) -> dict[str, Any]:
+    """Content of ``summary.json``."""
+    run = campaign.runs[0]
+    tested = {component.name for component in run.components} & {
+        entry.component.name for entry in assessments["filter"].rms
+    }
+    return {
+        "recipe": settings,
+        "runs": {
+            "wanted": campaign.wanted,
+            "finished": len(campaign.runs),
+            "failed": {str(seed): reason for seed, reason in campaign.failed.items()},
+            "interrupted": campaign.interrupted,
+            "first_seed": run.seed,
+        },
+        "untested_states": [component.name for component in run.components if component.name not in tested],
+        "speed": {
+            "jobs": campaign.jobs,
+            "seconds": campaign.seconds,
+            "filter_epochs_per_s_with_simulation": campaign.throughput,
+            "filter_epochs_per_s_and_process_without_simulation": _filter_speed(campaign),
+        },
+        **{name: assessment.to_dict() for name, assessment in assessments.items()},
+    }
+
+
+def describe(campaign: Campaign, assessments: dict[str, Assessment]) -> list[str]:
+    """Lines for a person: verdicts, the table of NEES, what failed."""
+    lines = []
+    finished = f"{len(campaign.runs)} of {campaign.wanted} runs" + (" (interrupted)" if campaign.interrupted else "")
+    for name, assessment in assessments.items():
+        lines.append(f"{name}, {finished}: {assessment.verdict}")
+    judged = assessments["filter"]
+    lines += ["", f"after {judged.settle_s:g} s:", f"{'':24}{'per dof':>8}{'inside 99 %':>13}{'RMSE/sigma':>12}"]
+    ratios = judged.ratios
+    for kind, entries in (("NEES", judged.nees), ("NIS", judged.nis)):
+        for name, entry in entries.items():
+            after = entry.after(judged.settle_s)
+            ratio = f"{ratios[name]:12.3f}" if name in ratios else ""
+            lines.append(f"{kind} {name:19}{np.mean(after.mean):8.3f}{100.0 * after.share_inside:11.1f} %{ratio}")
+    if "smoother" in assessments:
+        lines += [
+            "",
+            "smoother, RMSE/sigma: " + ", ".join(f"{k} {v:.3f}" for k, v in assessments["smoother"].ratios.items()),
+        ]
+    lines += ["", f"expected of a consistent filter: inside for at least {100.0 * SHARE_INSIDE:.0f} % of the time"]
+    if campaign.failed:
+        seed, reason = min(campaign.failed.items())
+        lines.append(f"{len(campaign.failed)} runs failed, which no average shows; seed {seed}: {reason}")
+    return lines
+
+
+def _filter_speed(campaign: Campaign) -> float:
+    return float(np.median([run.samples / run.seconds for run in campaign.runs]))
+
+
+def _settings(recipe: Recipe) -> dict[str, Any]:
+    if is_dataclass(recipe) and not isinstance(recipe, type):
+        return {entry.name: getattr(recipe, entry.name) for entry in fields(recipe)}
+    return {"callable": getattr(recipe, "__qualname__", type(recipe).__qualname__)}

@@ -1,0 +1,262 @@
+"""What a Monte Carlo run is made of: a recipe gives, for every seed, logs with their truth and the filter to be tested.
+
+A recipe is any picklable callable ``seed -> Case``. :class:`SimulatedRecipe` is the one for motions of
+:mod:`navfuse.simulation`; :data:`RECIPES` names those that the command line offers.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from navfuse.aiding.base import AidingSensor
+from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
+from navfuse.core.rotation import euler_from_quat
+from navfuse.data.logs import ImuLog
+from navfuse.data.nav_state import boxplus_navigation, to_ned
+from navfuse.data.start import Start
+from navfuse.errors import ConfigError
+from navfuse.filters.settings import FilterSettings
+from navfuse.imu.error_model import ImuErrorModel
+from navfuse.imu.grades import grade as imu_grade
+from navfuse.simulation import (
+    Motion,
+    SimulatedLogs,
+    add_imu_errors,
+    car_drive,
+    circle_flight,
+    figure_eight_flight,
+    gnss_fixes,
+    perfect_imu,
+    sample_times,
+    static,
+)
+
+Array = np.ndarray
+
+_DEG = math.pi / 180.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """One run, ready for the filter.
+
+    Attributes
+    ----------
+    logs : SimulatedLogs
+        With their truth.
+    start : Start
+        As the filter is told; its error should be a draw from its covariance.
+    model : ImuErrorModel
+        Of the filter.
+    sensors : tuple of AidingSensor
+    settings : FilterSettings
+    smooth : bool
+        Run the smoother too.
+    """
+
+    logs: SimulatedLogs
+    start: Start
+    model: ImuErrorModel
+    sensors: tuple[AidingSensor, ...]
+    settings: FilterSettings
+    smooth: bool = False
+
+
+Recipe = Callable[[int], Case]
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedRecipe:
+    """An IMU and a GNSS receiver along a motion, the same for every seed; all errors are drawn anew.
+
+    The start is wrong by a draw from its own covariance, so that a filter whose model is right has to be consistent
+    from the first epoch on. The last two factors make the model of the *filter* wrong.
+
+    Attributes
+    ----------
+    name : str
+        Key of :data:`MOTIONS`.
+    grade : str
+        Key of :data:`navfuse.imu.grades.GRADES`.
+    duration : float [s]
+    imu_rate, gnss_rate : float [Hz]
+    frame : str
+        ``"ned"`` or ``"ecef"``: where the filter works.
+    smooth : bool
+    scale_states : bool
+        False leaves scale factors out of both simulation and filter: 15 states.
+    outages_s : tuple of (from, to) [s]
+        Windows in which the fixes are withheld.
+    sd_position, sd_velocity : 3 numbers [m], [m/s], north, east, down
+        Of the fixes.
+    lever_arm_b : 3 numbers [m]
+    start_sd_position, start_sd_velocity, start_sd_attitude_deg : 3 numbers [m], [m/s], [deg]
+        The last of roll, pitch, heading.
+    gnss_sd_factor : float
+        The filter is told the sigmas of the fixes times this; sqrt(0.5) halves R.
+    imu_noise_factor : float
+        The filter is told the white noise and random walks of the IMU times this; 0.5 divides Q by four.
+
+    Raises
+    ------
+    ConfigError
+        On construction, for an unknown name, grade or frame, or a number that cannot be.
+    """
+
+    name: str
+    grade: str = "industrial-mems"
+    duration: float = 120.0
+    imu_rate: float = 100.0
+    gnss_rate: float = 1.0
+    frame: str = "ned"
+    smooth: bool = False
+    scale_states: bool = True
+    outages_s: tuple[tuple[float, float], ...] = ()
+    sd_position: tuple[float, float, float] = (1.0, 1.0, 2.0)
+    sd_velocity: tuple[float, float, float] | None = (0.05, 0.05, 0.1)
+    lever_arm_b: tuple[float, float, float] = (0.8, -0.5, -1.4)
+    start_sd_position: tuple[float, float, float] = (1.0, 1.0, 2.0)
+    start_sd_velocity: tuple[float, float, float] = (0.05, 0.05, 0.05)
+    start_sd_attitude_deg: tuple[float, float, float] = (0.3, 0.3, 1.0)
+    gnss_sd_factor: float = 1.0
+    imu_noise_factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.name not in MOTIONS:
+            raise ConfigError(f"unknown motion {self.name!r}{_nearest(self.name)}")
+        imu_grade(self.grade)
+        if self.frame not in ("ned", "ecef"):
+            raise ConfigError(f"frame must be 'ned' or 'ecef', not {self.frame!r}")
+        for name in ("duration", "imu_rate", "gnss_rate", "gnss_sd_factor", "imu_noise_factor"):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise ConfigError(f"{name} must be positive and finite, not {value!r}")
+        if self.duration * self.gnss_rate < 1.0:
+            raise ConfigError(
+                f"in {self.duration:g} s a receiver of {self.gnss_rate:g} Hz gives one fix only; make duration longer"
+            )
+
+    def __call__(self, seed: int) -> Case:
+        """The run of a seed: the same numbers whenever and wherever it is called."""
+        motion, ideal, truth = _ideal(self.name, self.duration, self.imu_rate, self.gnss_rate)
+        model = self._model()
+        imu_draws, gnss_draws, start_draws = np.random.default_rng(seed).spawn(3)
+        imu, imu_errors = add_imu_errors(ideal, model, imu_draws)
+        gnss = gnss_fixes(motion, self.gnss_rate, self.sd_position, self.sd_velocity, self.lever_arm_b, gnss_draws)
+        told = replace(
+            gnss,
+            sd_position=gnss.sd_position * self.gnss_sd_factor,
+            sd_velocity=None if gnss.sd_velocity is None else gnss.sd_velocity * self.gnss_sd_factor,
+        )
+        lever = np.array(self.lever_arm_b)
+        sensors: list[AidingSensor] = [GnssPosition(told, lever, self.outages_s)]
+        if told.velocity_n is not None:
+            sensors.append(GnssVelocity(told, lever, self.outages_s))
+        settings = FilterSettings(ecef=self.frame == "ecef", output_period=1.0 / self.gnss_rate, checkpoints=True)
+        k = self.imu_noise_factor
+        told_model = model.replace(
+            arw=k * model.arw,
+            vrw=k * model.vrw,
+            gyro_bias_walk=k * model.axes("gyro_bias_walk"),
+            accel_bias_walk=k * model.axes("accel_bias_walk"),
+        )
+        logs = SimulatedLogs(imu, gnss, truth, imu_errors, motion)
+        return Case(logs, self._start(motion, start_draws), told_model, tuple(sensors), settings, self.smooth)
+
+    def _model(self) -> ImuErrorModel:
+        model = imu_grade(self.grade)
+        return model if self.scale_states else model.replace(gyro_scale_sd=0.0, accel_scale_sd=0.0)
+
+    def _start(self, motion: Motion, draws: np.random.Generator) -> Start:
+        sds = (self.start_sd_position, self.start_sd_velocity, np.radians(self.start_sd_attitude_deg))
+        return drawn_start(motion, motion.start, *sds, draws)
+
+
+def drawn_start(
+    motion: Motion,
+    time: float,
+    sd_position: Array | tuple[float, ...],
+    sd_velocity: Array | tuple[float, ...],
+    sd_euler: Array | tuple[float, ...],
+    rng: np.random.Generator,
+) -> Start:
+    """A start that is wrong by a draw from the covariance it states.
+
+    Parameters
+    ----------
+    motion : Motion
+    time : float [s]
+    sd_position, sd_velocity : (3,) arrays [m], [m/s]
+        North, east, down.
+    sd_euler : (3,) array [rad]
+        Roll, pitch, heading.
+    rng : numpy Generator
+    """
+    state = motion.at(time)
+    nav = to_ned(np.concatenate([state.r_e[0], state.v_e[0], state.q_eb[0]]))
+    euler = np.array(euler_from_quat(nav[6:10]))
+    start = Start.from_parts(
+        time, nav[:3], nav[3:6], euler, np.asarray(sd_position), np.asarray(sd_velocity), np.asarray(sd_euler)
+    )
+    root = np.zeros((9, 9))
+    for block in (slice(0, 3), slice(3, 6), slice(6, 9)):
+        values, vectors = np.linalg.eigh(start.P[block, block])
+        root[block, block] = vectors * np.sqrt(np.maximum(values, 0.0))
+    wrong = start.nav.copy()
+    boxplus_navigation(wrong, -root @ rng.standard_normal(9), False)
+    return replace(start, nav=wrong)
+
+
+MOTIONS: Mapping[str, Callable[[float], Motion]] = MappingProxyType(
+    {
+        "car": lambda duration: car_drive(duration, seed=1),
+        "circle-flight": circle_flight,
+        "figure-eight": figure_eight_flight,
+        "static": static,
+    }
+)
+"""Name -> function of the duration [s]."""
+
+RECIPES: Mapping[str, Callable[..., Recipe]] = MappingProxyType(dict.fromkeys(MOTIONS, SimulatedRecipe))
+"""What ``navfuse montecarlo`` offers: name -> function of the name and settings that gives a recipe."""
+
+
+def recipe(name: str, **settings: Any) -> Recipe:
+    """A recipe by name.
+
+    Parameters
+    ----------
+    name : str
+        Key of :data:`RECIPES`.
+    **settings
+        Attributes of :class:`SimulatedRecipe`.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown name (the nearest is told) or a setting that cannot be.
+    """
+    if name not in RECIPES:
+        raise ConfigError(f"unknown scenario {name!r}{_nearest(name)}")
+    return RECIPES[name](name, **settings)
+
+
+def _nearest(name: str) -> str:
+    close = difflib.get_close_matches(name.lower(), MOTIONS, n=1, cutoff=0.4)
+    return (f": did you mean {close[0]!r}?" if close else ":") + f" known: {', '.join(MOTIONS)}"
+
+
+@lru_cache(maxsize=4)
+def _ideal(name: str, duration: float, imu_rate: float, gnss_rate: float) -> tuple[Motion, ImuLog, Any]:
+    """Motion, perfect IMU log and truth: what all runs of a recipe share, made once per process."""
+    motion = MOTIONS[name](duration)
+    ideal = perfect_imu(motion, sample_times(motion.start, motion.end, imu_rate))
+    return motion, ideal, motion.trajectory(sample_times(motion.start, motion.end, gnss_rate))

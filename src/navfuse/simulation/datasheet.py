@@ -1,0 +1,109 @@
+"""Printed keys, whose names end in their unit, turned into checked fields in SI, for models of simulated sensors."""
+
+from __future__ import annotations
+
+import difflib
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from navfuse.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from numpy.typing import ArrayLike
+
+Array = np.ndarray
+
+
+def to_fields(what: str, printed: Mapping[str, Any], units: Mapping[str, tuple[str, float]]) -> dict[str, Array]:
+    """Fields in SI from keys in printed units.
+
+    Parameters
+    ----------
+    what : str
+        Name of the thing described, for messages.
+    printed : mapping
+        Key with its unit -> number or nested numbers.
+    units : mapping
+        Key with its unit -> (field, factor to SI).
+
+    Raises
+    ------
+    ConfigError
+        For a key that is not in `units` (the nearest one is named), a field given in two units, or a value that is not
+        made of numbers.
+    """
+    fields: dict[str, Array] = {}
+    for key, value in printed.items():
+        if key not in units:
+            raise unknown_key(what, key, units)
+        name, factor = units[key]
+        if name in fields:
+            raise ConfigError(f"{what}: {key!r} sets {name} a second time; give it in one unit only")
+        fields[name] = numbers(key, value) * factor
+    return fields
+
+
+def unknown_key(what: str, key: str, known: Iterable[str]) -> ConfigError:
+    """The error that names the known key nearest to an unknown one."""
+    known = list(known)
+    close = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
+    hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
+    return ConfigError(f"{what}: unknown key or unit {key!r}: {hint}")
+
+
+def numbers(name: str, value: ArrayLike) -> Array:
+    """A value as an array of floats.
+
+    Raises
+    ------
+    ConfigError
+        If it is not made of numbers.
+    """
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{name} must be a number or an array of numbers, not {value!r}") from error
+
+
+def one_number(
+    name: str, value: ArrayLike, *, least: float = 0.0, infinite: bool = False, above: bool = False
+) -> float:
+    """One float of at least `least` (with `above`, beyond it), finite unless `infinite`.
+
+    Raises
+    ------
+    ConfigError
+    """
+    number = numbers(name, value)
+    if number.ndim != 0:
+        raise ConfigError(f"{name} must be one number, not an array of shape {number.shape}")
+    wanted = f"{'more than' if above else 'at least'} {least:g}" if least > -np.inf else "a number"
+    inside = number > least if above else number >= least
+    if not inside or not (infinite or np.isfinite(number)):
+        raise ConfigError(f"{name} must be {wanted}{'' if infinite else ' and finite'}, not {value!r}")
+    return float(number)
+
+
+def three_sizes(name: str, value: ArrayLike) -> Array:
+    """Three finite numbers that are not negative; one stands for three. Read-only.
+
+    Raises
+    ------
+    ConfigError
+    """
+    sizes = numbers(name, value)
+    if sizes.shape not in ((), (3,)):
+        raise ConfigError(f"{name} must be one number or three, not an array of shape {sizes.shape}")
+    if not np.all(np.isfinite(sizes)) or np.any(sizes < 0.0):
+        raise ConfigError(f"{name} must be finite and not negative, not {value!r}")
+    return frozen(np.broadcast_to(sizes, (3,)))
+
+
+def frozen(values: ArrayLike) -> Array:
+    """A read-only copy."""
+    copy = np.array(values, dtype=float)
+    copy.flags.writeable = False
+    return copy
