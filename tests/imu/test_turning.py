@@ -73,6 +73,13 @@ def test_clocks_apart(drive, late_s, velocity):
     assert "added to imu.time_offset_s" in note
 
 
+@pytest.mark.parametrize("late_s", [-18.0, 18.0])
+def test_leap_seconds_are_named(late_s):
+    increments, gnss = logs(car_drive(400.0, seed=4))
+    (note,) = check_turns(ImuIncrements(increments.time + late_s, increments.inc_theta_b, increments.inc_v_b), gnss)
+    assert f"{-late_s:+.1f} s added to imu.time_offset_s; GPS time and UTC are that far apart" in note
+
+
 def test_degrees_taken_for_radians(drive):
     increments, gnss = drive
     with pytest.raises(InputError, match="turn 5[0-9.]+ times as much as .* are these degrees in columns of radians"):

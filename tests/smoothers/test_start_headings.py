@@ -15,7 +15,7 @@ from navfuse.filters.ekf import FilterSettings
 from navfuse.imu.alignment import align
 from navfuse.imu.grades import GRADES
 from navfuse.imu.increments import to_increments
-from navfuse.simulation import car_drive, figure_eight_flight, simulate
+from navfuse.simulation import Accelerate, Hold, car, car_drive, drive, figure_eight_flight, simulate
 from navfuse.smoothers.rts import smooth
 from navfuse.smoothers.start import improve_start
 from reference.engine_runs import cut, run_filter
@@ -117,3 +117,27 @@ def test_every_beginning_leads_to_the_heading(scene, grade):
 def test_many_beginnings_lead_to_the_heading(scene, grade):
     make, begin, options = SCENES[scene]
     assert_heading_right(make, grade, range(10, 50), begin, options)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_straight_course_is_not_made_worse(seed):
+    """Where the log says little of heading and bias, smoothing the start must not spend what is known of them."""
+    model = GRADES["industrial-mems"]
+    motion = drive(
+        car(), [Accelerate(20.0), Hold(200.0)], lat=0.8, lon=0.2, height=100.0, heading=0.3 + seed, speed=10.0
+    )
+    logs = simulate(motion, model, seed, imu_rate=50.0)
+    increments = cut(to_increments(logs.imu), 1000)
+    alignment = align(increments, logs.gnss, model, np.zeros(3))
+    increments = cut(increments, int(np.searchsorted(increments.time, alignment.start.time - 1e-6)))
+    sensors = [GnssPosition(logs.gnss), GnssVelocity(logs.gnss)]
+    improved = improve_start(alignment, increments, model, sensors, FilterSettings(checkpoints=True))
+    assert alignment.heading_source == "course"
+    heading, given = (start.P[8, 8] for start in (improved.start, alignment.start))
+    assert heading <= given * 1.01
+    bias_sd = improved.start.states.get("gyro_bias", (0.0, model.axes("gyro_bias_sd")))[1]
+    assert np.all(bias_sd <= model.axes("gyro_bias_sd") * (1.0 + 1e-9))
+    filter_ = run_filter(improved.start, model, sensors, increments, FilterSettings(output_period=1.0))
+    error, ratio = heading_ratio(filter_.record.trajectory(), motion)
+    assert np.degrees(np.abs(error).max()) < 20.0
+    assert np.abs(ratio).max() < 3.0
