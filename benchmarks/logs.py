@@ -70,21 +70,14 @@ def car_project(scratch: Path, states: int = 21) -> tuple[str, dict[str, Any], P
 def simulate_hour(folder: Path) -> None:
     """Simulate an hour of driving with the sensor errors of the shared log, and write it as native tables."""
     from navfuse.demo import write_logs
-    from navfuse.imu.error_model import ImuErrorModel
+    from navfuse.imu.grades import grade
     from navfuse.simulation import car_drive, simulate
 
-    model = ImuErrorModel.from_datasheet(
-        arw_deg_per_sqrt_h=0.2,
-        vrw_mps_per_sqrt_h=0.1,
-        gyro_bias_sd_dph=30.0,
-        gyro_bias_tau_s=3600.0,
-        accel_bias_sd_mgal=150.0,
-        accel_bias_tau_s=3600.0,
-        gyro_scale_sd_ppm=300.0,
-        accel_scale_sd_ppm=300.0,
-    )
     folder.mkdir(parents=True)
-    write_logs(folder, simulate(car_drive(duration=3600.0, seed=1), model, 1, imu_rate=200.0, sd_velocity=None))
+    write_logs(
+        folder,
+        simulate(car_drive(duration=3600.0, seed=1), grade("benchmark-car"), 1, imu_rate=200.0, sd_velocity=None),
+    )
 
 
 def rtk_project() -> tuple[dict[str, Any], Path] | None:

@@ -115,7 +115,8 @@ def process(
                 f"output.rate_hz = {project.output.rate_hz:g} puts out nothing in the {length:.1f} s of the log; give "
                 "a larger one"
             )
-        for note in run_warnings(result, project.gnss.outages_s):
+        contradictions = run_warnings(result, project.gnss.outages_s)
+        for note in contradictions:
             _warn(note)
     notes = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, NavfuseWarning))
     result = replace(result, warnings=tuple(notes))
@@ -127,6 +128,7 @@ def process(
         model=model,
         alignments=[run.alignment for run in runs],
         seconds=clock.seconds,
+        contradicted=bool(contradictions),
         exclude=project.gnss.outages_s,
     )
     return replace(result, summary=summary)

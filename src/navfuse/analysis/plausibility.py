@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from navfuse.analysis.consistency import average_bounds, nis_summary
+from navfuse.analysis.consistency import NisSummary, average_bounds, nis_summary
 from navfuse.data.result import DOUBTFUL, Result
 
 REJECTED_SHARE = 0.05
@@ -37,7 +37,8 @@ def run_warnings(result: Result, exclude: Sequence[tuple[float, float]] = ()) ->
         Each says what is seen and what to look at, most likely cause first.
     """
     wrong, outliers = [], []
-    for source, summary in nis_summary(result.innovations, exclude).items():
+    consistency = nis_summary(result.innovations, exclude)
+    for source, summary in consistency.items():
         if summary.n <= FEWEST:
             continue
         rejected = summary.counts.get("rejected", 0)
@@ -59,13 +60,14 @@ def run_warnings(result: Result, exclude: Sequence[tuple[float, float]] = ()) ->
             f"{' and '.join(outliers)} rejected; what was used agrees with its standard deviations, so these were"
             " outliers of the receiver, or the run lost its way for a while: see the innovations"
         )
-    return found + _drift(result, exclude) + _strange_states(result) + _silence(result, exclude) + _sideways(result)
+    found += _drift(result, consistency, exclude) + _strange_states(result)
+    return found + _silence(result, exclude) + _sideways(result)
 
 
-def _drift(result: Result, exclude: Sequence[tuple[float, float]]) -> list[str]:
+def _drift(result: Result, consistency: dict[str, NisSummary], exclude: Sequence[tuple[float, float]]) -> list[str]:
     """Whether the filter drifted further through the outages than it said; each outage counts as one measurement."""
     too_far = []
-    for source, summary in nis_summary(result.innovations, exclude).items():
+    for source, summary in consistency.items():
         records = result.innovations.of(source)
         withheld = records.select(records.status == "withheld")
         windows = sum(bool(np.any((withheld.time >= start) & (withheld.time < end))) for start, end in exclude)

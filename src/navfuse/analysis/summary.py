@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfuse import __version__
-from navfuse.analysis.consistency import nis_summary
-from navfuse.analysis.plausibility import run_warnings
+from navfuse.analysis.consistency import NisSummary, nis_summary
 from navfuse.core.constants import STANDARD_GRAVITY
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.result import DOUBTFUL, Result
@@ -39,6 +38,7 @@ def summarize_run(
     model: ImuErrorModel,
     alignments: Sequence[Alignment],
     seconds: dict[str, float],
+    contradicted: bool,
     exclude: Sequence[tuple[float, float]] = (),
 ) -> dict[str, Any]:
     """Inputs, settings, start, counts, NIS, accuracy, final sensor states, run times and warnings of a run.
@@ -57,6 +57,8 @@ def summarize_run(
         One per stretch between long gaps.
     seconds : dict
         Run time of each stage [s].
+    contradicted : bool
+        Whether :func:`navfuse.analysis.plausibility.run_warnings` found anything.
     exclude : sequence of (from, to) [s]
         Windows left out of the NIS statistics.
 
@@ -65,6 +67,7 @@ def summarize_run(
     dict
         Every key that is a quantity carries its unit.
     """
+    consistency = nis_summary(result.innovations, exclude)
     return {
         "navfuse": __version__,
         "python": platform.python_version(),
@@ -74,10 +77,8 @@ def summarize_run(
         "start": [_start(alignment) for alignment in alignments],
         "states": [*("position", "velocity", "attitude"), *result.states],
         "state_count": 9 + sum(history.values.shape[1] for history in result.states.values()),
-        "measurements": {
-            source: summary.to_dict() for source, summary in nis_summary(result.innovations, exclude).items()
-        },
-        "verdict": _verdict(result, exclude),
+        "measurements": {source: summary.to_dict() for source, summary in consistency.items()},
+        "verdict": _verdict(result, consistency, contradicted),
         "expected_accuracy": _accuracy(result),
         "final_sensor_states": {name: _final(name, history) for name, history in result.states.items()},
         "run_time_s": {**seconds, "total": sum(seconds.values())},
@@ -85,12 +86,11 @@ def summarize_run(
     }
 
 
-def _verdict(result: Result, exclude: Sequence[tuple[float, float]]) -> dict[str, Any]:
+def _verdict(result: Result, consistency: dict[str, NisSummary], contradicted: bool) -> dict[str, Any]:
     """Whether the standard deviations of the run may be relied on, for programs that read thousands of summaries."""
-    sources = nis_summary(result.innovations, exclude).values()
-    factors = [one.factor for one in sources if np.isfinite(one.factor)]
+    factors = [one.factor for one in consistency.values() if np.isfinite(one.factor)]
     worst = max(factors, default=None)
-    reliable = None if worst is None else worst <= DOUBTFUL and not run_warnings(result, exclude)
+    reliable = None if worst is None else worst <= DOUBTFUL and not contradicted
     return {"reliable": reliable, "innovations_over_claim": worst, "warnings": len(result.warnings)}
 
 

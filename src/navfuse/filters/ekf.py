@@ -161,8 +161,7 @@ class ErrorStateFilter:
             updates: list[Update] = []
             late = [self._measure(which, k, time, updates) for which, k, time in measurements]
             if gap or not all(late):
-                if not self._hold.moved:
-                    self._hold.uncorrelate(self.P)
+                self._hold.uncorrelate(self.P)
                 self._close(increments, at, tuple(updates))
         following = [p[np.searchsorted(p, end + TIME_TOLERANCE, side="right") :] for p in pending]
         horizon = min((p[0] for p in following if p.size), default=np.inf)

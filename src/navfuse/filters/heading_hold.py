@@ -54,7 +54,7 @@ class HeadingHold:
 
     def uncorrelate(self, P: Array) -> None:
         """Drop the correlations of a held heading, in place."""
-        if not self.direction.any():
+        if self.moved or not self.direction.any():
             return
         along = np.outer(self.direction, self.direction)
         variance = self.direction @ P[6:9, 6:9] @ self.direction

@@ -168,6 +168,8 @@ def _refuse_exchange(
         if moved < _APART:
             return
         misfit[guess] = apart / moved
+        if not guess and misfit[guess] <= _FITS:
+            return
     best, second = sorted(misfit, key=misfit.__getitem__)[:2]
     fits = misfit[best] < _FITS and misfit[second] > 2.0 * misfit[best]
     if best and fits and misfit[""] > max(_FITS, 4.0 * misfit[best]):
