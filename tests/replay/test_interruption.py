@@ -34,7 +34,12 @@ def assert_untouched(folder):
 
 def program(path, output, **more):
     command = [sys.executable, "-m", "navfuse", "run", str(path), "-o", str(output)]
-    return subprocess.Popen(command, text=True, stdout=subprocess.PIPE, **more)
+    return subprocess.Popen(command, text=True, stdout=subprocess.PIPE, **{"preexec_fn": heed_ctrl_c} | more)
+
+
+def heed_ctrl_c():
+    """As at a terminal: what a shell puts into the background ignores the signal, and its children inherit that."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.fixture
