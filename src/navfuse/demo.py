@@ -5,14 +5,12 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import numpy as np
-
 from navfuse.analysis.metrics import compare
 from navfuse.data.result import Result
 from navfuse.data.trajectory import Trajectory
 from navfuse.imu.grades import grade
 from navfuse.io.atomic import atomic_folder
-from navfuse.io.tables import write_table
+from navfuse.io.log_tables import write_gnss, write_imu
 from navfuse.io.trajectory_table import write_trajectory
 from navfuse.pipeline import process, write_result
 from navfuse.report.figures import figure_errors, figure_map
@@ -81,23 +79,8 @@ def simulate_drive(seed: int) -> tuple[SimulatedLogs, tuple[float, float, float]
 
 def write_logs(folder: Path, logs: SimulatedLogs) -> None:
     """Write simulated logs and their truth as native tables."""
-    columns = {"time_s": logs.imu.time}
-    names = ("dtheta_{}_rad", "dvel_{}_mps") if logs.imu.kind == "increments" else ("gyro_{}_radps", "accel_{}_mps2")
-    for name, values in zip(names, (logs.imu.gyro, logs.imu.accel), strict=True):
-        columns |= {name.format(axis): values[:, k] for k, axis in enumerate("xyz")}
-    write_table(folder / "imu.parquet", columns)
-    gnss = logs.gnss
-    columns = {
-        "time_s": gnss.time,
-        "lat_deg": np.degrees(gnss.lat),
-        "lon_deg": np.degrees(gnss.lon),
-        "height_m": gnss.height,
-    }
-    columns |= {f"sd_{axis}_m": gnss.sd_position[:, k] for k, axis in enumerate(("north", "east", "down"))}
-    if gnss.velocity_n is not None and gnss.sd_velocity is not None:
-        columns |= {f"v{axis}_mps": gnss.velocity_n[:, k] for k, axis in enumerate("ned")}
-        columns |= {f"sd_v{axis}_mps": gnss.sd_velocity[:, k] for k, axis in enumerate("ned")}
-    write_table(folder / "gnss.csv", columns)
+    write_imu(folder / "imu.parquet", logs.imu)
+    write_gnss(folder / "gnss.csv", logs.gnss)
     write_trajectory(folder / "truth.parquet", logs.truth)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from navfuse.aiding.base import AidingSensor
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
-from navfuse.analysis.plausibility import run_warnings
+from navfuse.analysis.plausibility import run_warnings, silence
 from navfuse.analysis.summary import describe_imu, summarize_run
 from navfuse.config import Project, load_project
 from navfuse.data.logs import GnssLog, ImuLog
@@ -116,7 +116,7 @@ def process(
                 "a larger one"
             )
         contradictions = run_warnings(result, project.gnss.outages_s)
-        for note in contradictions:
+        for note in (*contradictions, *silence(result, project.gnss.outages_s)):
             _warn(note)
     notes = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, NavfuseWarning))
     result = replace(result, warnings=tuple(notes))

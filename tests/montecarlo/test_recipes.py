@@ -6,8 +6,8 @@ from scipy.stats import chi2
 
 from navfuse.analysis.nees import navigation_errors, nees
 from navfuse.errors import ConfigError
-from navfuse.montecarlo import RECIPES, SimulatedRecipe, drawn_start, recipe
-from navfuse.simulation import car_drive, simulate
+from navfuse.montecarlo import RECIPES, SimulatedRecipe, recipe
+from navfuse.simulation import car_drive, drawn_start, simulate
 
 SHORT = {"duration": 20.0, "imu_rate": 20.0}
 

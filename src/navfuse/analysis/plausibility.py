@@ -61,7 +61,7 @@ def run_warnings(result: Result, exclude: Sequence[tuple[float, float]] = ()) ->
             " outliers of the receiver, or the run lost its way for a while: see the innovations"
         )
     found += _drift(result, consistency, exclude) + _strange_states(result)
-    return found + _silence(result, exclude) + _sideways(result)
+    return found + _sideways(result)
 
 
 def _drift(result: Result, consistency: dict[str, NisSummary], exclude: Sequence[tuple[float, float]]) -> list[str]:
@@ -104,8 +104,11 @@ def _strange_states(result: Result) -> list[str]:
     ]
 
 
-def _silence(result: Result, exclude: Sequence[tuple[float, float]]) -> list[str]:
-    """The longest stretch without any used measurement, unless it was asked for."""
+def silence(result: Result, exclude: Sequence[tuple[float, float]] = ()) -> list[str]:
+    """What to say of the longest stretch without any used measurement, unless it was asked for.
+
+    No contradiction: the standard deviations tell what it costs. Parameters and return value as :func:`run_warnings`.
+    """
     records, best = result.innovations, result.trajectory
     used = np.unique(records.time[np.isin(records.status, ("used", "reset"))])
     if not len(best) or (not len(records) and result.fixes is None):

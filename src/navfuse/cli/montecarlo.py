@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,7 +19,14 @@ class Frame(StrEnum):
 
 
 def montecarlo(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Motion: car, circle-flight, figure-eight or static.")],
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO|PROJECT",
+            help="A name that `navfuse scenarios` lists, a scenario file, or a project file, whose solution becomes "
+            "the truth.",
+        ),
+    ],
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the results; made if it is not there.")
     ],
@@ -28,11 +35,11 @@ def montecarlo(
         int | None, typer.Option(min=1, help="Processes; default one for each core. The results do not depend on it.")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first run; the next ones follow.")] = 0,
-    grade: Annotated[str, typer.Option(help="Grade of the simulated IMU.")] = "industrial-mems",
-    duration: Annotated[float, typer.Option(metavar="S", help="Length of a run.")] = 120.0,
-    imu_rate: Annotated[float, typer.Option(metavar="HZ")] = 100.0,
-    gnss_rate: Annotated[float, typer.Option(metavar="HZ")] = 1.0,
-    frame: Annotated[Frame, typer.Option(help="Frame that the filter works in.")] = Frame.NED,
+    grade: Annotated[str | None, typer.Option(help="Another grade of the simulated IMU.")] = None,
+    duration: Annotated[float | None, typer.Option(metavar="S", help="Cut the motion there.")] = None,
+    imu_rate: Annotated[float | None, typer.Option(metavar="HZ", help="Another rate of the IMU.")] = None,
+    gnss_rate: Annotated[float | None, typer.Option(metavar="HZ", help="Another rate of the fixes.")] = None,
+    frame: Annotated[Frame | None, typer.Option(help="Frame that the filter works in; default the project's.")] = None,
     smooth: Annotated[bool, typer.Option("--smooth/--no-smooth", help="Judge the smoother too.")] = False,
     scale: Annotated[
         bool, typer.Option("--scale/--no-scale", help="Scale-factor errors in simulation and filter.")
@@ -50,21 +57,28 @@ def montecarlo(
 
     Writes runs.parquet, nis.parquet, nees.parquet, summary.json and plots. Ctrl-C keeps the finished runs.
     """
+    changes: list[tuple[str, str, Any]] = [
+        (section, key, value)
+        for section, key, value in (
+            ("imu", "grade", grade),
+            ("imu", "rate_hz", imu_rate),
+            ("gnss", "rate_hz", gnss_rate),
+            ("", "duration_s", duration),
+        )
+        if value is not None
+    ]
+    if not scale:
+        changes += [("imu", f"{sensor}_scale_sd_ppm", 0.0) for sensor in ("gyro", "accel")]
     with compilation(quiet), progress(quiet) as tell:
-        from navfuse.montecarlo import describe, recipe
+        from navfuse.montecarlo import Tampering, describe, recipe_from
         from navfuse.montecarlo import montecarlo as run_montecarlo
 
-        chosen = recipe(
-            name,
-            grade=grade,
-            duration=duration,
-            imu_rate=imu_rate,
-            gnss_rate=gnss_rate,
-            frame=frame.value,
+        chosen = recipe_from(
+            source,
+            changes=tuple(changes),
+            frame=None if frame is None else frame.value,
             smooth=smooth,
-            scale_states=scale,
-            gnss_sd_factor=gnss_sd_factor,
-            imu_noise_factor=imu_noise_factor,
+            tampering=Tampering(gnss_sd_factor, imu_noise_factor),
         )
         campaign, assessments = run_montecarlo(
             chosen, output, runs, jobs=jobs, first_seed=seed, settle_s=settle, progress=tell

@@ -2,6 +2,7 @@
 
 ::
 
+    recipe_from(name or file) -> recipe      of a scenario or a project    (scenario_recipe)
     recipe(seed)              -> Case        what one run needs            (recipes)
     run_case(Case)            -> RunRecord   filter, smoother, errors      (single)
     run_campaign(recipe, ...) -> Campaign    all runs, on several cores    (campaign)
@@ -12,7 +13,8 @@
 from navfuse.montecarlo.assessment import Assessment, assess
 from navfuse.montecarlo.campaign import Campaign, run_campaign
 from navfuse.montecarlo.output import describe, montecarlo, write_campaign
-from navfuse.montecarlo.recipes import RECIPES, Case, SimulatedRecipe, drawn_start, recipe
+from navfuse.montecarlo.recipes import RECIPES, Case, SimulatedRecipe, recipe
+from navfuse.montecarlo.scenario_recipe import ProjectRecipe, ScenarioRecipe, Tampering, recipe_from
 from navfuse.montecarlo.single import RunRecord, run_case
 
 __all__ = [
@@ -20,13 +22,16 @@ __all__ = [
     "Assessment",
     "Campaign",
     "Case",
+    "ProjectRecipe",
     "RunRecord",
+    "ScenarioRecipe",
     "SimulatedRecipe",
+    "Tampering",
     "assess",
     "describe",
-    "drawn_start",
     "montecarlo",
     "recipe",
+    "recipe_from",
     "run_campaign",
     "run_case",
     "write_campaign",

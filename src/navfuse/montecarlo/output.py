@@ -16,7 +16,7 @@ from navfuse.io.json_file import write_json
 from navfuse.io.tables import write_table
 from navfuse.montecarlo.assessment import SETTLE_S, Assessment, assess
 from navfuse.montecarlo.campaign import Campaign, Progress, run_campaign
-from navfuse.montecarlo.recipes import Recipe, SimulatedRecipe
+from navfuse.montecarlo.recipes import Recipe
 from navfuse.report.montecarlo_figures import figure_averages, figure_rmse
 
 Array = np.ndarray
@@ -67,7 +67,7 @@ def montecarlo(
     ConfigError, FilterError, InputError
         As :func:`~navfuse.montecarlo.campaign.run_campaign` and :func:`~navfuse.montecarlo.assessment.assess`.
     """
-    length = recipe.duration if isinstance(recipe, SimulatedRecipe) else np.inf
+    length = getattr(recipe, "duration", np.inf)
     if not 0.0 <= settle_s < length:
         raise ConfigError(
             f"the beginning that is not judged must be at least 0 s and shorter than a run ({length:g} s), not "
@@ -201,6 +201,8 @@ def _filter_speed(campaign: Campaign) -> float:
 
 
 def _settings(recipe: Recipe) -> dict[str, Any]:
+    if hasattr(recipe, "settings"):
+        return recipe.settings()  # pyright: ignore[reportFunctionMemberAccess]
     if is_dataclass(recipe) and not isinstance(recipe, type):
         return {entry.name: getattr(recipe, entry.name) for entry in fields(recipe)}
     return {"callable": getattr(recipe, "__qualname__", type(recipe).__qualname__)}

@@ -18,9 +18,7 @@ import numpy as np
 
 from navfuse.aiding.base import AidingSensor
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
-from navfuse.core.rotation import euler_from_quat
 from navfuse.data.logs import ImuLog
-from navfuse.data.nav_state import boxplus_navigation, to_ned
 from navfuse.data.start import Start
 from navfuse.errors import ConfigError
 from navfuse.filters.settings import FilterSettings
@@ -32,6 +30,7 @@ from navfuse.simulation import (
     add_imu_errors,
     car_drive,
     circle_flight,
+    drawn_start,
     figure_eight_flight,
     gnss_fixes,
     perfect_imu,
@@ -178,41 +177,6 @@ class SimulatedRecipe:
     def _start(self, motion: Motion, draws: np.random.Generator) -> Start:
         sds = (self.start_sd_position, self.start_sd_velocity, np.radians(self.start_sd_attitude_deg))
         return drawn_start(motion, motion.start, *sds, draws)
-
-
-def drawn_start(
-    motion: Motion,
-    time: float,
-    sd_position: Array | tuple[float, ...],
-    sd_velocity: Array | tuple[float, ...],
-    sd_euler: Array | tuple[float, ...],
-    rng: np.random.Generator,
-) -> Start:
-    """A start that is wrong by a draw from the covariance it states.
-
-    Parameters
-    ----------
-    motion : Motion
-    time : float [s]
-    sd_position, sd_velocity : (3,) arrays [m], [m/s]
-        North, east, down.
-    sd_euler : (3,) array [rad]
-        Roll, pitch, heading.
-    rng : numpy Generator
-    """
-    state = motion.at(time)
-    nav = to_ned(np.concatenate([state.r_e[0], state.v_e[0], state.q_eb[0]]))
-    euler = np.array(euler_from_quat(nav[6:10]))
-    start = Start.from_parts(
-        time, nav[:3], nav[3:6], euler, np.asarray(sd_position), np.asarray(sd_velocity), np.asarray(sd_euler)
-    )
-    root = np.zeros((9, 9))
-    for block in (slice(0, 3), slice(3, 6), slice(6, 9)):
-        values, vectors = np.linalg.eigh(start.P[block, block])
-        root[block, block] = vectors * np.sqrt(np.maximum(values, 0.0))
-    wrong = start.nav.copy()
-    boxplus_navigation(wrong, -root @ rng.standard_normal(9), False)
-    return replace(start, nav=wrong)
 
 
 MOTIONS: Mapping[str, Callable[[float], Motion]] = MappingProxyType(

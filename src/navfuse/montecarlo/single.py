@@ -22,6 +22,7 @@ from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
 from navfuse.filters.ekf import ErrorStateFilter
 from navfuse.filters.record import Checkpoint, collect
+from navfuse.imu.gaps import gap_limit
 from navfuse.imu.increments import to_increments
 from navfuse.montecarlo.recipes import Case
 from navfuse.simulation import ImuErrorTruth, Motion, MotionState
@@ -99,7 +100,7 @@ def run_case(case: Case, seed: int = 0) -> RunRecord:
     if not case.settings.checkpoints:
         raise ConfigError("a Monte Carlo run needs FilterSettings(checkpoints=True): they hold the covariances")
     begin = perf_counter()
-    increments = to_increments(case.logs.imu)
+    increments = to_increments(case.logs.imu, gap_limit(case.logs.imu.time))
     increments = increments.piece(int(np.searchsorted(increments.time, case.start.time - SAME_TIME)))
     estimator = ErrorStateFilter(case.start, case.model, case.sensors, case.settings)
     estimator.feed(increments)

@@ -15,6 +15,7 @@
     all of it                                                -> SimulatedLogs   (simulate)
 """
 
+from navfuse.simulation.drawn_start import drawn_start
 from navfuse.simulation.gnss_errors import FixType, GnssReceiverModel
 from navfuse.simulation.imu_errors import ImuSensorModel
 from navfuse.simulation.logs import SimulatedLogs, simulate
@@ -35,7 +36,14 @@ from navfuse.simulation.segments import (
     drive,
     segments_from_tables,
 )
-from navfuse.simulation.sensors import ImuErrorTruth, add_imu_errors, antenna_state, gauss_markov, gnss_fixes
+from navfuse.simulation.sensors import (
+    ImuErrorTruth,
+    add_imu_errors,
+    antenna_state,
+    gauss_markov,
+    gnss_fixes,
+    noisy_fixes,
+)
 from navfuse.simulation.table import TableMove, rotating_table
 from navfuse.simulation.track import follow_track, track_residuals
 from navfuse.simulation.track_files import read_track
@@ -70,6 +78,7 @@ __all__ = [
     "car",
     "car_drive",
     "circle_flight",
+    "drawn_start",
     "drive",
     "drone",
     "figure_eight_flight",
@@ -80,6 +89,7 @@ __all__ = [
     "local_waypoints",
     "measure_gnss",
     "measure_imu",
+    "noisy_fixes",
     "pedestrian",
     "perfect_imu",
     "read_track",

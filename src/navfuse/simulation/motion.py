@@ -134,6 +134,15 @@ class Motion:
         """Last time [s]."""
         return float(self.knots[-1])
 
+    def until(self, end: float) -> Motion:
+        """The motion up to `end` [s]; the same object where it ends before."""
+        if end >= self.end:
+            return self
+        if not end > self.start:
+            raise InputError(f"nothing is left of the motion, which begins at {self.start:g} s, until {end:g} s")
+        last = int(np.searchsorted(self.knots, end))
+        return Motion(np.append(self.knots[:last], end), self.coefficients[:last], self.origin)
+
     def at(self, time: ArrayLike) -> MotionState:
         """Everything at once, for (n,) times."""
         time = np.ascontiguousarray(np.atleast_1d(np.asarray(time, dtype=float)))

@@ -9,7 +9,6 @@ or, from a table with units in its keys, ``segments_from_tables([{"do": "acceler
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
@@ -19,6 +18,7 @@ from navfuse.errors import ConfigError
 from navfuse.simulation.motion import Motion
 from navfuse.simulation.paths import LocalMap
 from navfuse.simulation.route import Plan, Vehicle
+from navfuse.simulation.scenario_table import nearest
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +129,9 @@ _KINDS: dict[str, type] = {
     "figure_eight": FigureEight,
     "stop": Stop,
 }
+REPEAT = "repeat"
+MOST_REPEATS = 10_000
+
 _KEYS = {
     "duration": ("duration_s", 1.0),
     "speed": ("speed_mps", 1.0),
@@ -194,26 +197,44 @@ def segments_from_tables(tables: Iterable[Mapping[str, Any]]) -> list[Segment]:
     tables : iterable of mappings
         Each with ``do``, one of hold, accelerate, turn, climb, s_turns, figure_eight, stop, and the fields of that
         segment with their unit: ``duration_s, speed_mps, acceleration_mps2, braking_mps2, lateral_mps2, angle_deg,
-        radius_m, height_m, rate_mps, count``.
+        radius_m, height_m, rate_mps, count``. Or with ``do = "repeat"``, ``times`` and ``segments``: a list of such
+        tables that is gone through several times.
 
     Raises
     ------
     ConfigError
         For an unknown segment or key (naming the nearest), a missing key, or a value that is no number.
     """
-    return [_segment(number, dict(table)) for number, table in enumerate(tables, 1)]
+    found: list[Segment] = []
+    for number, table in enumerate(tables, 1):
+        found += _repeated(number, table) if table.get("do") == REPEAT else [_segment(str(number), dict(table))]
+    return found
 
 
-def _segment(number: int, table: dict[str, Any]) -> Segment:
+def _repeated(number: int, table: Mapping[str, Any]) -> list[Segment]:
+    where = f"segment {number} ({REPEAT})"
+    for key in table:
+        if key not in ("do", "times", "segments"):
+            raise ConfigError(f"{where}: there is no key '{key}', only times, segments")
+    times, inner = table.get("times"), table.get("segments")
+    if isinstance(times, bool) or not isinstance(times, int) or not 1 <= times <= MOST_REPEATS:
+        raise ConfigError(f"{where}: times must be a whole number in 1 .. {MOST_REPEATS}, not {times!r}")
+    if not isinstance(inner, list) or not inner or not all(isinstance(entry, Mapping) for entry in inner):
+        raise ConfigError(f"{where}: segments must be a list of tables, not {inner!r}")
+    once = [_segment(f"{number}.{k}", dict(entry)) for k, entry in enumerate(inner, 1)]
+    return once * times
+
+
+def _segment(number: str, table: dict[str, Any]) -> Segment:
     name = table.pop("do", None)
     if name not in _KINDS:
-        raise ConfigError(f"segment {number}: do = {name!r} is none of {', '.join(_KINDS)}{_nearest(name, _KINDS)}")
+        raise ConfigError(f"segment {number}: do = {name!r} is none of {', '.join(_KINDS)}{nearest(name, _KINDS)}")
     known = {_KEYS[field.name][0]: field for field in fields(_KINDS[name])}
     values = {}
     for key, value in table.items():
         if key not in known:
             raise ConfigError(
-                f"segment {number} ({name}): there is no key '{key}', only {', '.join(known)}{_nearest(key, known)}"
+                f"segment {number} ({name}): there is no key '{key}', only {', '.join(known)}{nearest(key, known)}"
             )
         wanted = (int,) if key == "count" else (int, float)
         if isinstance(value, bool) or not isinstance(value, wanted):
@@ -225,8 +246,3 @@ def _segment(number: int, table: dict[str, Any]) -> Segment:
     if missing:
         raise ConfigError(f"segment {number} ({name}) needs {' and '.join(missing)}")
     return _KINDS[name](**values)
-
-
-def _nearest(word: object, known: Iterable[str]) -> str:
-    near = difflib.get_close_matches(str(word), list(known), 1)
-    return f"; did you mean {near[0]}?" if near else ""

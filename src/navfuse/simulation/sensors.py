@@ -212,27 +212,61 @@ def gnss_fixes(
         raise InputError(
             f"the motion ends at {motion.end:g} s, before the first GNSS fix at {motion.start + offset:g} s"
         )
+    each = (time.size, 3)
+    return _fixes(
+        motion,
+        time,
+        np.broadcast_to(sd_r, each).copy(),
+        None if sd_v is None else np.broadcast_to(sd_v, each).copy(),
+        lever_arm_b,
+        rng,
+    )
+
+
+def noisy_fixes(motion: Motion, like: GnssLog, lever_arm_b: ArrayLike, rng: np.random.Generator) -> GnssLog:
+    """Fixes along a motion at the times and with the sigmas of another log, their errors white.
+
+    Parameters
+    ----------
+    motion : Motion
+        Of the IMU.
+    like : GnssLog
+        Within the time of the motion. A row without velocity stays without.
+    lever_arm_b : (3,) array [m]
+        IMU to antenna, in b.
+    rng : numpy Generator
+
+    Raises
+    ------
+    InputError
+        For a fix outside the time of the motion.
+    """
+    log = _fixes(motion, like.time, like.sd_position, like.sd_velocity, lever_arm_b, rng)
+    if log.velocity_n is not None and like.velocity_n is not None:
+        log.velocity_n[np.isnan(like.velocity_n).any(axis=1)] = np.nan
+    return log
+
+
+def _fixes(
+    motion: Motion,
+    time: Array,
+    sd_position: Array,
+    sd_velocity: Array | None,
+    lever_arm_b: ArrayLike,
+    rng: np.random.Generator | None,
+) -> GnssLog:
     r_e, v_e = antenna_state(motion, time, lever_arm_b)
     position_draws, velocity_draws = rng.spawn(2) if rng is not None else (None, None)
     if position_draws is not None:
         lat, lon, _ = ecef_to_geodetic_batch(r_e)
-        r_e = r_e + _from_local(lat, lon, sd_r * position_draws.standard_normal((time.size, 3)))
+        r_e = r_e + _from_local(lat, lon, sd_position * position_draws.standard_normal((time.size, 3)))
     lat, lon, height = ecef_to_geodetic_batch(r_e)
     velocity_n = None
-    if sd_v is not None:
+    if sd_velocity is not None:
         velocity_n = np.einsum("kji,kj->ki", _local_axes(lat, lon), v_e)
         if velocity_draws is not None:
-            velocity_n = velocity_n + sd_v * velocity_draws.standard_normal((time.size, 3))
-    return GnssLog(
-        time,
-        lat,
-        lon,
-        height,
-        np.tile(sd_r, (time.size, 1)),
-        velocity_n,
-        None if sd_v is None else np.tile(sd_v, (time.size, 1)),
-        source="simulation",
-    )
+            velocity_n = velocity_n + sd_velocity * velocity_draws.standard_normal((time.size, 3))
+    return GnssLog(time, lat, lon, height, sd_position, velocity_n, sd_velocity, source="simulation")
 
 
 def _positive(name: str, value: ArrayLike) -> Array:

@@ -1,0 +1,284 @@
+"""Scenarios: a motion and the sensors along it, as a TOML file says.
+
+::
+
+    scenario_names()             -> names of those in the package
+    load_scenario(name or path)  -> Scenario       everything that can be checked is checked
+    Scenario, seed               -> ScenarioLogs   (scenario_run.run_scenario)
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal
+
+from navfuse.errors import ConfigError
+from navfuse.simulation.gnss_errors import GnssReceiverModel
+from navfuse.simulation.imu_errors import ImuSensorModel
+from navfuse.simulation.motion import Motion
+from navfuse.simulation.scenario_motion import read_motion
+from navfuse.simulation.scenario_table import ScenarioTable, nearest
+
+
+@dataclass(frozen=True, slots=True)
+class SensorKind:
+    """An aiding sensor that a scenario can have.
+
+    Attributes
+    ----------
+    make : callable
+        Makes the model from the keys of the section.
+    measure : callable
+        Takes motion, model and random generator; gives log and truth.
+    file : str
+        Name of the table it is written to.
+    """
+
+    make: Callable[..., Any]
+    measure: Callable[..., tuple[Any, Any]]
+    file: str
+
+
+SENSORS: Mapping[str, SensorKind] = MappingProxyType({})
+"""Aiding sensors beside GNSS fixes, by the section of the scenario."""
+
+FASTEST_HZ = 10_000.0
+
+
+@dataclass(frozen=True, slots=True)
+class StartErrors:
+    """How well the filter is told its start.
+
+    Attributes
+    ----------
+    sd_position, sd_velocity, sd_attitude : 3 numbers [m], [m/s], [rad]
+        North, east, down; the last of roll, pitch, heading.
+    """
+
+    sd_position: tuple[float, float, float] = (1.0, 1.0, 2.0)
+    sd_velocity: tuple[float, float, float] = (0.05, 0.05, 0.05)
+    sd_attitude: tuple[float, float, float] = (math.radians(0.3), math.radians(0.3), math.radians(1.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scenario:
+    """A motion and the sensors along it; made by :func:`load_scenario` or :func:`read_scenario`.
+
+    Attributes
+    ----------
+    name, title, description : str
+    make_motion : callable
+        Gives the :class:`~navfuse.simulation.motion.Motion`; see :attr:`motion`.
+    seed : int
+        Of the errors, if no other is asked for. Motions have seeds of their own.
+    duration : float [s]
+        Motions are cut there; inf for the whole.
+    imu_rate : float [Hz]
+    imu_kind : {"rates", "increments"}
+    imu : ImuSensorModel
+    imu_keys : mapping
+        ``grade`` and the keys that change it, as the file gives them.
+    gnss : GnssReceiverModel or None
+    gnss_lever_arm_b : 3 numbers [m]
+    sensors : mapping of str to model
+        The other aiding sensors, by section; keys of :data:`SENSORS`.
+    start : StartErrors or None
+        None: the filter is told nothing.
+    truth_rate : float [Hz]
+    one_table : str
+        Name of a CSV file that holds truth, IMU and GNSS together in 19 columns; empty for none.
+    project : mapping of mappings
+        What the project file shall say beyond the obvious.
+    """
+
+    name: str
+    title: str
+    description: str
+    make_motion: Callable[[], Motion]
+    seed: int
+    duration: float
+    imu_rate: float
+    imu_kind: Literal["rates", "increments"]
+    imu: ImuSensorModel
+    imu_keys: Mapping[str, Any]
+    gnss: GnssReceiverModel | None
+    gnss_lever_arm_b: tuple[float, float, float]
+    sensors: Mapping[str, Any]
+    start: StartErrors | None
+    truth_rate: float
+    one_table: str
+    project: Mapping[str, Mapping[str, Any]]
+
+    @property
+    def motion(self) -> Motion:
+        """The motion, made anew.
+
+        Raises
+        ------
+        ConfigError
+            For what the vehicle cannot do.
+        InputError
+            For a track that cannot be followed.
+        """
+        return self.make_motion().until(self.duration)
+
+
+def scenario_names() -> list[str]:
+    """Names of the scenarios in the package, in alphabetical order."""
+    return sorted(entry.name[: -len(".toml")] for entry in _shelf().iterdir() if entry.name.endswith(".toml"))
+
+
+def scenario_text(name: str) -> str:
+    """The file of a scenario of the package.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown name (the nearest is told).
+    """
+    known = scenario_names()
+    if name not in known:
+        hint = nearest(name, known) or f"; there are {', '.join(known)}"
+        raise ConfigError(f"there is no scenario {name!r}{hint}")
+    return _shelf().joinpath(f"{name}.toml").read_text(encoding="utf-8")
+
+
+def load_scenario(name: str | Path, changes: Mapping[str, Mapping[str, Any]] | None = None) -> Scenario:
+    """A scenario of the package by its name, or one of your own by its path.
+
+    Parameters
+    ----------
+    name : str or Path
+        What has the extension ``.toml`` or a folder in front is a path.
+    changes : mapping of mappings, optional
+        Keys to put in the place of the file's, section by section; those of the section "" stand above all tables.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown name (the nearest is told), a file that is missing or no TOML, and as :func:`read_scenario`.
+    """
+    path = Path(name)
+    if path.suffix.lower() == ".toml" or len(path.parts) > 1:
+        try:
+            text = path.expanduser().read_text(encoding="utf-8-sig")
+        except FileNotFoundError:
+            raise ConfigError(
+                f"{path}: no such scenario file; `navfuse scenarios` lists those that come along"
+            ) from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigError(
+                f"{path}: cannot be read as a scenario: {getattr(error, 'strerror', None) or error}"
+            ) from error
+        folder, source = path.expanduser().parent, str(path)
+    else:
+        text, folder, source = scenario_text(str(name)), Path(), str(name)
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{source}: not valid TOML: {error}") from error
+    for section, keys in (changes or {}).items():
+        table = data.setdefault(section, {}) if section else data
+        if not isinstance(table, dict):
+            raise ConfigError(f"{source}: [{section}] must be a table")
+        table.update(keys)
+    return read_scenario(data, path.stem, folder=folder, source=source)
+
+
+def read_scenario(data: Mapping[str, Any], name: str, *, folder: Path = Path(), source: str = "") -> Scenario:
+    """A scenario from nested tables.
+
+    Parameters
+    ----------
+    data : mapping
+        ``title, description, seed, duration_s, truth_rate_hz, one_table`` and the tables ``motion``, ``imu`` (
+        ``rate_hz, kind, grade`` and the keys of :class:`~navfuse.simulation.imu_errors.ImuSensorModel`), ``gnss``
+        (``lever_arm_m`` and the keys of :class:`~navfuse.simulation.gnss_errors.GnssReceiverModel`), those of
+        :data:`SENSORS`, ``start`` (``sd_position_m, sd_velocity_mps, sd_attitude_deg``) and ``project`` (tables
+        and keys of the project file).
+    name : str
+    folder : Path
+        What file names are relative to.
+    source : str
+        For messages; default the name.
+
+    Raises
+    ------
+    ConfigError
+        Naming table and key: whatever is unknown, missing, of another type, or refused by the model it belongs to.
+    """
+    source = source or name
+    top = ScenarioTable(source, data)
+    title, description = top.text("title", name), top.text("description", "")
+    seed, one_table = top.whole("seed", 1), top.text("one_table", "")
+    duration = top.number("duration_s", above=0.0) if "duration_s" in top else math.inf
+    truth_rate = _rate(top, "truth_rate_hz", 10.0)
+    make_motion = read_motion(top.need("motion"), folder, source)
+
+    imu = ScenarioTable(f"{source}: [imu]", top.need("imu"))
+    imu_rate, kind = _rate(imu, "rate_hz"), imu.text("kind", "increments", ("increments", "rates"))
+    grade, printed = imu.text("grade", ""), imu.rest()
+    model = _model(imu.where, ImuSensorModel.from_datasheet, grade, **printed)
+
+    receiver, lever = None, (0.0, 0.0, 0.0)
+    if "gnss" in top:
+        gnss = ScenarioTable(f"{source}: [gnss]", top.get("gnss"))
+        lever = gnss.three("lever_arm_m", (0.0, 0.0, 0.0))
+        receiver = _model(gnss.where, GnssReceiverModel.from_datasheet, **gnss.rest())
+    sensors = {}
+    for section, sensor in SENSORS.items():
+        if section in top:
+            keys = ScenarioTable(f"{source}: [{section}]", top.get(section))
+            sensors[section] = _model(keys.where, sensor.make, **keys.rest())
+        top.get(section)
+    start = _start(source, top.get("start")) if "start" in top else None
+    project = top.get("project", {})
+    if not isinstance(project, Mapping) or not all(isinstance(table, Mapping) for table in project.values()):
+        raise ConfigError(f"{source}: [project] must hold tables of the project file, e.g. [project.filter]")
+    top.finish()
+    if one_table and (Path(one_table).name != one_table or not one_table.endswith(".csv") or receiver is None):
+        raise ConfigError(
+            f"{source}: one_table must name a .csv file without a folder, and needs [gnss]; not {one_table!r}"
+        )
+    return Scenario(
+        name, title, description, make_motion, seed, duration, imu_rate, kind, model,  # pyright: ignore[reportArgumentType]
+        {"grade": grade} | printed, receiver, lever, sensors, start, truth_rate, one_table, project,
+    )  # fmt: skip
+
+
+def _rate(keys: ScenarioTable, key: str, default: float | None = None) -> float:
+    rate = keys.number(key, default, above=0.0)
+    if rate > FASTEST_HZ:
+        raise ConfigError(f"{keys.where}: {key} must be at most {FASTEST_HZ:g} Hz, not {rate!r}")
+    return rate
+
+
+def _model(where: str, make: Callable[..., Any], *base: Any, **printed: Any) -> Any:
+    try:
+        return make(*base, **printed)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
+
+
+def _start(source: str, table: Any) -> StartErrors:
+    keys, usual = ScenarioTable(f"{source}: [start]", table), StartErrors()
+    attitude = keys.three("sd_attitude_deg", tuple(map(math.degrees, usual.sd_attitude)), least=1e-9)  # pyright: ignore[reportArgumentType]
+    found = StartErrors(
+        keys.three("sd_position_m", usual.sd_position, least=1e-9),
+        keys.three("sd_velocity_mps", usual.sd_velocity, least=1e-9),
+        tuple(map(math.radians, attitude)),  # pyright: ignore[reportArgumentType]
+    )
+    keys.finish()
+    return found
+
+
+@lru_cache(maxsize=1)
+def _shelf() -> Any:
+    return files("navfuse.simulation").joinpath("scenarios")

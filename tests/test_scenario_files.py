@@ -1,0 +1,151 @@
+"""Scenarios on disk: native tables, and a project file that a run takes as it stands."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+import tomllib
+
+import numpy as np
+import pytest
+
+import navfuse
+from navfuse.analysis.metrics import compare
+from navfuse.config import Project, load_project
+from navfuse.errors import ConfigError, OutputError
+from navfuse.io.gnss_table import read_gnss
+from navfuse.io.imu_table import read_imu
+from navfuse.io.tables import open_table
+from navfuse.io.trajectory_table import read_trajectory
+from navfuse.scenario_files import describe, project_tables, simulate_scenario, write_scenario
+from navfuse.simulation.scenario import load_scenario, read_scenario, scenario_names
+from navfuse.simulation.scenario_run import run_scenario
+
+SHORT = {"": {"duration_s": 40.0}}
+
+
+def digests(folder):
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(folder.iterdir())}
+
+
+def test_what_is_written_is_what_was_simulated(tmp_path):
+    logs = simulate_scenario(load_scenario("city-car", SHORT), tmp_path / "out", 3)
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "imu.parquet", "gnss.csv", "truth.parquet", "project.toml",
+    }  # fmt: skip
+    imu, gnss = read_imu(tmp_path / "out" / "imu.parquet"), read_gnss(tmp_path / "out" / "gnss.csv")
+    assert (imu.kind, imu.time.size) == ("increments", 4001)
+    assert np.array_equal(imu.gyro, logs.imu.gyro)
+    assert np.array_equal(imu.accel, logs.imu.accel)
+    assert gnss.lat == pytest.approx(logs.gnss.lat, abs=1e-15)
+    assert gnss.sd_velocity == pytest.approx(logs.gnss.sd_velocity)
+    truth = read_trajectory(tmp_path / "out" / "truth.parquet")
+    assert truth.height == pytest.approx(logs.truth.trajectory.height, abs=1e-9)
+    assert "4001 rows of increments" in "\n".join(describe(logs, tmp_path))
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_the_filter_is_told_the_error_model_of_the_simulated_sensor(name):
+    scenario = load_scenario(name)
+    tables = project_tables(scenario)
+    overruled = set(tables["imu"]) & set(scenario.project.get("imu", {}))
+    told = Project.from_dict(tables).imu_error_model()
+    for field in ("arw", "vrw", "gyro_bias_sd", "gyro_bias_tau", "gyro_bias_walk", "accel_bias_sd", "gyro_scale_sd"):
+        if not any(key.startswith(field.replace("_tau", "")) for key in overruled):
+            assert np.allclose(getattr(told, field), getattr(scenario.imu.base, field), rtol=1e-12, atol=0.0), field
+
+
+@pytest.mark.parametrize("name", ["city-car", "lawnmower", "drone"])
+def test_a_run_takes_the_project_as_it_stands(tmp_path, name):
+    simulate_scenario(load_scenario(name, {"": {"duration_s": 90.0}}), tmp_path, 2)
+    result = navfuse.process(tmp_path / "project.toml")
+    errors = compare(result.forward, read_trajectory(tmp_path / "truth.parquet"), skip_s=40.0)
+    assert errors.statistics["position_horizontal"].max < 8.0
+    assert result.summary["verdict"]["reliable"]
+
+
+def test_latencies_become_time_offsets(tmp_path):
+    late = {"imu": {"stamp_latency_ms": 20.0}, "gnss": {"latency_s": 0.1}} | SHORT
+    simulate_scenario(load_scenario("city-car", late), tmp_path)
+    project = load_project(tmp_path / "project.toml")
+    assert (project.imu.time_offset_s, project.gnss.time_offset_s) == (-0.02, -0.1)
+
+
+def test_the_same_seed_gives_the_same_bytes_on_any_number_of_cores(tmp_path):
+    found = []
+    for threads in ("1", "2"):
+        folder = tmp_path / threads
+        code = (
+            "from navfuse.scenario_files import simulate_scenario as s;"
+            "from navfuse.simulation.scenario import load_scenario as l;"
+            f"s(l('urban-canyon', {{'': {{'duration_s': 60.0}}}}), {str(folder)!r}, 11)"
+        )
+        env = {**os.environ, "NUMBA_NUM_THREADS": threads, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
+        subprocess.run([sys.executable, "-c", code], check=True, env=env)
+        found.append(digests(folder))
+    assert found[0] == found[1]
+    simulate_scenario(load_scenario("urban-canyon", {"": {"duration_s": 60.0}}), tmp_path / "other", 12)
+    assert digests(tmp_path / "other")["imu.parquet"] != found[0]["imu.parquet"]
+
+
+def test_nineteen_columns(tmp_path):
+    logs = simulate_scenario(load_scenario("aircraft-1hz", {"": {"duration_s": 100.0}}), tmp_path)
+    table = open_table(tmp_path / "aircraft.csv")
+    assert list(table.names) == [
+        "time", "true_lat", "true_lon", "true_alt", "true_roll", "true_pitch", "true_heading", "gyro_x", "gyro_y",
+        "gyro_z", "accel_x", "accel_y", "accel_z", "z_lat", "z_lon", "z_alt", "z_VN", "z_VE", "z_VD",
+    ]  # fmt: skip
+    values = np.loadtxt(tmp_path / "aircraft.csv", delimiter=",", skiprows=1)
+    assert values.shape == (101, 19)
+    truth = logs.truth.motion.trajectory(values[:, 0])
+    assert values[:, 1] == pytest.approx(np.degrees(truth.lat), abs=1e-12)
+    assert values[:, 9] == pytest.approx(logs.imu.gyro[:, 2])
+    assert values[:, 18] == pytest.approx(logs.gnss.velocity_n[:, 2])
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"imu": {"kind": "increments"}}, {"gnss": {"rate_hz": 0.5}}, {"gnss": {"velocity_sd_mps": 0.0}}],
+)
+def test_nineteen_columns_need_one_row_of_everything(tmp_path, changes):
+    with pytest.raises(ConfigError, match='aircraft-1hz: one_table needs an IMU of kind = "rates" and GNSS fixes with'):
+        simulate_scenario(load_scenario("aircraft-1hz", {"": {"duration_s": 50.0}} | changes), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_wrong_project_section_is_found_before_anything_is_simulated(tmp_path):
+    scenario = load_scenario("city-car", {"project": {"filter": {"fram": "ned"}}})
+    with pytest.raises(
+        ConfigError, match=r"city-car: \[project\]: filter.fram: unknown key; did you mean filter.frame\?"
+    ):
+        simulate_scenario(scenario, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_logs_of_an_earlier_scenario_go_and_other_files_stay(tmp_path):
+    simulate_scenario(load_scenario("city-car", SHORT), tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "odometer.csv").write_text("old")
+    simulate_scenario(load_scenario("static", {"": {"duration_s": 5.0}}), tmp_path)
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+    assert tomllib.loads((tmp_path / "project.toml").read_text())["start"]["sd_attitude_deg"] == pytest.approx(
+        [0.2, 0.2, 1.0]
+    )
+
+
+def test_a_place_that_cannot_be_written_is_found_out_first(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="is a file, not a folder"):
+        simulate_scenario("city-car", tmp_path / "file")
+
+
+def test_a_scenario_without_gnss_is_written_but_needs_a_start(tmp_path):
+    data = {"motion": {"vehicle": "static", "duration_s": 3.0}, "imu": {"rate_hz": 20.0, "grade": "tactical"}}
+    with pytest.raises(ConfigError, match="gnss.file: missing; without GNSS"):
+        simulate_scenario(read_scenario(data, "x"), tmp_path / "no")
+    logs = run_scenario(read_scenario(data | {"start": {}}, "x"))
+    write_scenario(tmp_path, logs)
+    assert not (tmp_path / "gnss.csv").exists()
+    assert load_project(tmp_path / "project.toml").gnss.file is None
