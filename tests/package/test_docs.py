@@ -19,6 +19,7 @@ from navfuse.config import Project, help_keys, load_project, template
 from navfuse.data.result import STATUSES, Innovations
 from navfuse.io.gnss_rows import DEFAULT_SD_POSITION
 from navfuse.io.units import UNITS
+from navfuse.simulation.scenario import read_scenario, scenario_names
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -75,6 +76,9 @@ def test_the_list_of_keys_is_part_of_the_manual(generated_list):
 @pytest.mark.parametrize("text", cases("toml"))
 def test_project_files_of_the_manual_are_valid(text, tmp_path):
     given = tomllib.loads(text)
+    if "motion" in given:
+        assert read_scenario(given, "manual").motion.end > 0.0
+        return
     whole = {**SMALLEST, **{name: {**SMALLEST.get(name, {}), **table} for name, table in given.items()}}
     project = Project.from_dict(whole)
     for section, table in given.items():
@@ -106,6 +110,11 @@ def test_commands_of_the_manual_parse(words):
     group = typer.main.get_command(app)
     command = group.commands[words[0]]
     command.make_context(words[0], list(words[1:]))
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_every_scenario_is_in_the_manual(name):
+    assert f"`{name}`" in (DOCS / "simulation.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("text", cases("python"))
