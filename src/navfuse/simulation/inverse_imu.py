@@ -4,7 +4,8 @@ Every formula between the raw increments of an interval and the new velocity and
 the ones before are known, so each step is undone in closed form:
 
 1. The new attitude gives the rotation vector of the interval.
-2. The new velocity gives the specific-force increment in e: two equations in two unknowns, because of the Coriolis term.
+2. The new velocity gives the specific-force increment in e: across the Earth's axis two equations in two unknowns,
+   because of the Coriolis term.
 3. Turning it into the body's axes undoes :func:`navfuse.mechanization.ned.rotate_increment`.
 4. Coning and sculling, :func:`navfuse.imu.increments.corrected`, are of the form ``(I + [p x]) a = b`` in the newest
    increment.
@@ -104,7 +105,7 @@ def _undo_step(nav, dt, v, q):
 
 @njit(cache=True, error_model="numpy")
 def _undo_turn(t, w):
-    """u of ``w = u + B t x u + C t x (t x u)``, the factors those of `rotate_increment`.
+    """Solve ``w = u + B t x u + C t x (t x u)`` for u, with the factors of `rotate_increment`.
 
     Across t, the map is multiplication by the complex number ``1 - C t^2 + i B |t|``; along t, the identity.
     """
@@ -142,7 +143,7 @@ def _undo_corrections(k1, k2, k3, theta, u, a1, u1, a2, u2):
 
 @njit(cache=True, error_model="numpy")
 def _undo_cross(p, b):
-    """a of ``a + p x a = b``."""
+    """Solve ``a + p x a = b`` for a."""
     dot = p[0] * b[0] + p[1] * b[1] + p[2] * b[2]
     n = 1.0 / (1.0 + p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
     pb = cross(p, b)

@@ -118,8 +118,8 @@ def perfect_imu(
         row = invert_mechanization(*path, time, inc_theta_b, inc_v_b)
         if row:
             raise InputError(
-                f"the increment over ({time[row - 1]:g} s, {time[row]:g} s] looks like one behind missing rows, because "
-                "its interval is longer than the one before and the specific force smaller; give stamps whose spacing "
+                f"the increment over ({time[row - 1]:g} s, {time[row]:g} s] looks like one behind missing rows, its "
+                "interval being longer than the one before and the specific force smaller; give stamps whose spacing "
                 "changes by less than half"
             )
     return ImuLog(time, inc_theta_b, inc_v_b, "increments", source="simulation")
