@@ -14,6 +14,7 @@ from scipy.special import j1
 from navfuse.data.logs import ImuLog
 from navfuse.errors import InputError
 from navfuse.imu.increments import (
+    EQUAL,
     LONGEST_RATIO,
     ImuIncrements,
     IncrementsBuilder,
@@ -253,6 +254,9 @@ def test_errors_along_a_smooth_motion_fall_with_the_fourth_power_with_two_previo
 
 def test_factors_for_equal_intervals_and_for_a_start():
     assert np.allclose(correction_factors(0.01, 0.01, 0.01, 1.0), np.array([17.0, -2.0, -3.0]) / 120.0, atol=1e-15)
+    nearly = correction_factors(0.01, 0.01 * (1.0 + 2.0 * EQUAL), 0.01, 1.0)
+    assert np.allclose(nearly, np.array([17.0, -2.0, -3.0]) / 120.0, atol=1e-6)
+    assert nearly[2] != -3.0 / 120.0
     assert correction_factors(0.01, 0.01, 0.0, 1.0) == pytest.approx((1.0 / 12.0, 0.0, 0.0))
     assert correction_factors(0.01, 0.0, 0.0, 1.0) == (0.0, 0.0, 0.0)
 
