@@ -54,7 +54,7 @@ def test_perfect_increments_give_the_motion_back(name, ecef):
 @pytest.mark.parametrize("name", ["car", "flight", "flight at 86 degrees north"])
 def test_errors_fall_with_the_square_of_the_interval(name, ecef):
     motion = MOTIONS[name]()
-    coarse, fine = final_errors(motion, 50.0, ecef), final_errors(motion, 100.0, ecef)
+    coarse, fine = final_errors(motion, 20.0, ecef), final_errors(motion, 40.0, ecef)
     assert np.all(coarse > 3.5 * fine)
 
 

@@ -53,9 +53,23 @@ MISSIONS = {
         ],
         90.0,
     ),
+    "drone, hard": (
+        drone,
+        [
+            Accelerate(10.0),
+            Hold(20.0),
+            Turn(1.2),
+            STurns(0.5),
+            Stop(4.0),
+            Climb(20.0),
+            Turn(-2.0),
+            Climb(-20.0),
+        ],
+        90.0,
+    ),
     "pedestrian": (pedestrian, [Accelerate(1.4), Hold(20.0), Turn(1.2), STurns(0.5), Stop(6.0)], 45.0),
 }
-"""Vehicle, one lap, and about how long it takes [s]."""
+"""Vehicle, one lap, and about how long it takes [s]. The two drones differ in the first turn and the S-turns alone."""
 
 
 def mission(name: str, duration: float, **place: float) -> Motion:

@@ -1,26 +1,29 @@
 """Rates or raw increments -> rotation and velocity increments, with coning and sculling.
 
-Over one interval (t[k-1], t[k]] of length T the angular rate and the specific force are taken as linear in time:
-through the two samples at its ends for a rate sensor, through the increments of this and the previous interval for an
-increment sensor. To second order the rotation vector and the velocity increment in the body axes of t[k-1] are then::
+Over one interval (t[k-1], t[k]] of length T the angular rate and the specific force are taken as smooth in time. To
+second order the rotation vector and the velocity increment in the body axes of t[k-1] are then::
 
     inc_theta = alpha + coning                        alpha = integral of w,  upsilon = integral of f
-    inc_v     = upsilon + sculling                    (+ 1/2 inc_theta x inc_v, which the mechanization adds)
+    inc_v     = upsilon + sculling                    (turned to the axes of t[k-1] by the mechanization)
 
     rate sensor         coning   = T^2/12 w0 x w1
                         sculling = T^2/12 (w0 x f1 + f0 x w1)
-    increment sensor    coning   = k alpha' x alpha                        k = T^2 / (6 T' (T' + T)), 1/12 when T' = T
-                        sculling = k (alpha' x upsilon + upsilon' x alpha)
+    increment sensor    coning   = k1 (a1 x a0) + k2 (a2 x a0) + k3 (a2 x a1)
+                        sculling = the same sum of (ai x uj + ui x aj)
 
-A prime marks the previous interval. Source: Savage (1998), "Strapdown inertial navigation integration algorithm
-design", parts 1 and 2, for equal intervals. The factor k follows from the same linear model with unequal ones: for the
-rate a + b t, with t = 0 between the two intervals, alpha' x alpha is T' T (T' + T) / 2 (a x b) and the coning is
-T^3 / 12 (a x b). The half rotation of the velocity is left to the mechanization because it has to use increments freed
-from the estimated biases.
+with the samples at both ends of the interval for a rate sensor, and for an increment sensor the increments ``a0, u0``
+of this interval, ``a1, u1`` of the one before and ``a2, u2`` of the one before that. For equal intervals
+``k1, k2, k3 = 17/120, -2/120, -3/120``; with one previous increment only, ``1/12, 0, 0`` (Savage 1998, "Strapdown
+inertial navigation integration algorithm design", parts 1 and 2). :func:`correction_factors` has them for unequal ones.
 
-Under linear rates the error of one interval is of order T^5 in rotation and in velocity. Under coning and sculling at a
-fixed frequency the drift of an increment sensor falls with T^4 (with T^2 if the terms are left out); that of a rate
-sensor with T^2, because the trapezoid shortens each increment: there the terms halve it.
+``inc_theta`` and ``inc_v`` are the two parts of one Magnus series (that of the rigid motions), of which this is the
+second term. So velocity needs no formulas of its own: its factors are those of the rotation, and the step from inc_v to
+the velocity is the left Jacobian of the rotation, which is left to the mechanization because it has to use
+increments freed from the estimated biases.
+
+Errors of an increment sensor fall with T^4 for any smooth motion, with T^6 for coning and sculling at a fixed
+frequency; with one previous increment with T^3 and T^4. Those of a rate sensor fall with T^2, because the trapezoid
+shortens each increment: there the terms halve them.
 """
 
 from __future__ import annotations
@@ -39,9 +42,13 @@ if TYPE_CHECKING:
     from navfuse.data.logs import ImuLog
 
 Array = np.ndarray
-_STATE_SIZE = 8
+_ROW = 7
 MISSING_STEPS = 1.5
 """An interval of more usual ones than this may hide rows that are missing."""
+LONGEST_RATIO = 3.0
+"""Two previous increments tell nothing reliable about an interval longer than this many of the shorter of theirs."""
+EQUAL = 1e-6
+"""Intervals that differ by less than this fraction count as equal, which is faster and changes nothing measurable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +63,8 @@ class ImuIncrements:
         Rotation vector from the body axes at the start of the interval to those at its end, relative to i, coning
         included.
     inc_v_b : (n, 3) array [m/s]
-        Integrated specific force, sculling included, *without* the term 1/2 inc_theta x inc_v.
+        Integrated specific force, sculling included, *not* turned: without the term 1/2 inc_theta x inc_v and its
+        followers.
     """
 
     time: Array
@@ -102,30 +110,111 @@ def _covers_usual_step(dv, k, dt, usual):
 
 
 @njit(cache=True, error_model="numpy")
-def _from_increments(time, dtheta, dv, gap_s, previous_dt, inc_theta, inc_v):
-    for k in range(1, time.size):
+def correction_factors(dt, dt1, dt2, gap_s):
+    """Factors of coning and sculling of an increment sensor.
+
+    Parameters
+    ----------
+    dt, dt1, dt2 : float [s]
+        Lengths of the interval, of the one before, and of the one before that; 0 where there is none or it does not
+        adjoin.
+    gap_s : float [s]
+        Longer intervals are gaps: nothing is corrected in one and in the interval after it.
+
+    Returns
+    -------
+    k1, k2, k3 : float
+        Of the products 1 x 0, 2 x 0 and 2 x 1, the numbers counting back from the present interval.
+
+    Notes
+    -----
+    With w and its derivatives in the middle of the interval, the increment of an interval of length T whose middle is
+    m away is ``T (w + m w' + q w'' + c w''')``, ``q = m^2/2 + T^2/24``, ``c = m^3/6 + m T^2/24``. Three conditions
+    give the factors: the sum of the products has ``dt^3/12 w x w'`` as the coning has, no ``w x w''``, and of
+    ``w x w'''`` and ``w' x w''`` what makes coning at a fixed frequency, ``w'' = -W^2 w``, right: ``-dt^5/240``. With
+    two increments there is the first condition only. No checks are made.
+    """
+    if not (0.0 < dt1 <= gap_s and dt <= gap_s):
+        return 0.0, 0.0, 0.0
+    if not (0.0 < dt2 <= gap_s and dt <= LONGEST_RATIO * min(dt1, dt2)):
+        return dt * dt / (6.0 * dt1 * (dt1 + dt)), 0.0, 0.0
+    if abs(dt - dt1) + abs(dt - dt2) < EQUAL * dt:
+        return 17.0 / 120.0, -2.0 / 120.0, -3.0 / 120.0
+    m1 = -0.5 * (dt + dt1)
+    m2 = m1 - 0.5 * (dt1 + dt2)
+    s0, s1, s2 = dt * dt * (1.0 / 24.0), dt1 * dt1 * (1.0 / 24.0), dt2 * dt2 * (1.0 / 24.0)
+    far1 = 0.5 * m1 * m1 + s1 - s0
+    far2 = 0.5 * m2 * m2 + s2 - s0
+    determinant = m1 * far2 - m2 * far1
+    inverse = 1.0 / (determinant * dt * dt1 * dt2)
+    scale = inverse * dt * dt1 * dt2
+    a = -2.0 * dt * s0 * far2 * scale
+    b = 2.0 * dt * s0 * far1 * scale
+    r1 = m1 * (m1 * m1 * (1.0 / 6.0) + s1 + s0)
+    r2 = m2 * (m2 * m2 * (1.0 / 6.0) + s2 + s0)
+    y = (2.4 * dt * s0 * s0 + r1 * a + r2 * b) * scale
+    inverse *= determinant
+    return (a + y) * dt2 * inverse, (b - y) * dt1 * inverse, y * dt * inverse
+
+
+@njit(cache=True, error_model="numpy")
+def steps_missing(dv, k, dt, dt1):
+    """Usual steps, of length `dt1`, that are missing before row k; 0 if the row covers all of its interval `dt`."""
+    if dt1 > 0.0 and dt > MISSING_STEPS * dt1 and _covers_usual_step(dv, k, dt, dt1):
+        return dt / dt1 - 1.0
+    return 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def corrected(k1, k2, k3, a0, u0, a1, u1, a2, u2):
+    """Rotation and velocity increment of an interval from the increments (3-tuples) of it and the two before.
+
+    :func:`correction_factors` gives k1, k2, k3. No checks are made.
+    """
+    p = (k1 * a1[0] + k2 * a2[0], k1 * a1[1] + k2 * a2[1], k1 * a1[2] + k2 * a2[2])
+    s = (k1 * u1[0] + k2 * u2[0], k1 * u1[1] + k2 * u2[1], k1 * u1[2] + k2 * u2[2])
+    pa, pu, sa = cross(p, a0), cross(p, u0), cross(s, a0)
+    aa, au, ua = cross(a2, a1), cross(a2, u1), cross(u2, a1)
+    return (
+        (a0[0] + pa[0] + k3 * aa[0], a0[1] + pa[1] + k3 * aa[1], a0[2] + pa[2] + k3 * aa[2]),
+        (
+            u0[0] + pu[0] + sa[0] + k3 * (au[0] + ua[0]),
+            u0[1] + pu[1] + sa[1] + k3 * (au[1] + ua[1]),
+            u0[2] + pu[2] + sa[2] + k3 * (au[2] + ua[2]),
+        ),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _row(values, k):
+    return values[k, 0], values[k, 1], values[k, 2]
+
+
+@njit(cache=True, error_model="numpy")
+def _from_increments(time, dtheta, dv, first, gap_s, dt1, dt2, inc_theta, inc_v):
+    for k in range(first, time.size):
+        row = k - first
         dt = time[k] - time[k - 1]
-        lost = 0.0
-        if previous_dt > 0.0 and dt > MISSING_STEPS * previous_dt and _covers_usual_step(dv, k, dt, previous_dt):
-            lost = 0.5 * (dt / previous_dt - 1.0)
-        for i in range(3):
-            inc_theta[k - 1, i] = dtheta[k, i]
-            inc_v[k - 1, i] = dv[k, i]
-            if lost > 0.0:
-                inc_theta[k - 1, i] += lost * (dtheta[k - 1, i] + dtheta[k, i])
-                inc_v[k - 1, i] += lost * (dv[k - 1, i] + dv[k, i])
-        if lost > 0.0:
-            continue
-        if 0.0 < previous_dt <= gap_s and dt <= gap_s:
-            scale = dt * dt / (6.0 * previous_dt * (previous_dt + dt))
-            coning = cross(dtheta[k - 1], dtheta[k])
-            sculling_w = cross(dtheta[k - 1], dv[k])
-            sculling_f = cross(dv[k - 1], dtheta[k])
+        half = 0.5 * steps_missing(dv, k, dt, dt1)
+        if half > 0.0:
             for i in range(3):
-                inc_theta[k - 1, i] += scale * coning[i]
-                inc_v[k - 1, i] += scale * (sculling_w[i] + sculling_f[i])
-        previous_dt = dt
-    return previous_dt
+                inc_theta[row, i] = dtheta[k, i] + half * (dtheta[k - 1, i] + dtheta[k, i])
+                inc_v[row, i] = dv[k, i] + half * (dv[k - 1, i] + dv[k, i])
+            dt2 = 0.0
+            continue
+        k1, k2, k3 = correction_factors(dt, dt1, dt2, gap_s)
+        a1 = u1 = a2 = u2 = (0.0, 0.0, 0.0)
+        if dt1 > 0.0:
+            a1, u1 = _row(dtheta, k - 1), _row(dv, k - 1)
+        if dt2 > 0.0:
+            a2, u2 = _row(dtheta, k - 2), _row(dv, k - 2)
+        theta, v = corrected(k1, k2, k3, _row(dtheta, k), _row(dv, k), a1, u1, a2, u2)
+        for i in range(3):
+            inc_theta[row, i] = theta[i]
+            inc_v[row, i] = v[i]
+        dt2 = dt1
+        dt1 = dt
+    return dt1, dt2
 
 
 def _after(kept: Array, block: Array) -> Array:
@@ -143,7 +232,7 @@ class IncrementsBuilder:
         value, an increment there covers an unknown interval and is not used at all.
     gap_s : float [s]
         Over an interval longer than this, and for an increment sensor also in the interval after it, coning and
-        sculling are left out: the linear model says nothing across a gap. What to do with a long interval is for the
+        sculling are left out: no smooth model reaches across a gap. What to do with a long interval is for the
         filter to decide.
 
     Notes
@@ -160,7 +249,8 @@ class IncrementsBuilder:
         self._time = np.empty(0)
         self._gyro = np.empty((0, 3))
         self._accel = np.empty((0, 3))
-        self._dt = 0.0
+        self._dt = (0.0, 0.0)
+        self._memory = 1 if kind == "rates" else 2
 
     def feed(self, log: ImuLog) -> ImuIncrements:
         """Take further rows and return the increments of every interval that they close.
@@ -183,34 +273,36 @@ class IncrementsBuilder:
         """
         if log.kind != self.kind:
             raise InputError(f"{log.source}: a block of {log.kind} in a log of {self.kind}; use one builder per log")
+        kept = self._time.size
         time = _after(self._time, log.time)
         late = np.flatnonzero(~(np.diff(time) > 0.0))
         if late.size:
-            row = int(late[0]) + 1 - self._time.size
+            row = int(late[0]) + 1 - kept
             stamp = time[late[0] + 1]
             raise InputError(f"{log.source}: time does not increase at row {row} ({stamp} s); sort the log first")
         gyro, accel = _after(self._gyro, log.gyro), _after(self._accel, log.accel)
-        n = max(time.size - 1, 0)
+        first = max(kept, 1)
+        n = max(time.size - first, 0)
         inc_theta, inc_v = np.empty((n, 3)), np.empty((n, 3))
         if self.kind == "rates":
             _from_rates(time, gyro, accel, self.gap_s, inc_theta, inc_v)
         else:
-            self._dt = _from_increments(time, gyro, accel, self.gap_s, self._dt, inc_theta, inc_v)
-        self._time, self._gyro, self._accel = time[-1:].copy(), gyro[-1:].copy(), accel[-1:].copy()
-        return ImuIncrements(time, inc_theta, inc_v)
+            self._dt = _from_increments(time, gyro, accel, first, self.gap_s, *self._dt, inc_theta, inc_v)
+        self._time, self._gyro, self._accel = (x[-self._memory :].copy() for x in (time, gyro, accel))
+        return ImuIncrements(time[first - 1 :], inc_theta, inc_v)
 
     def state(self) -> Array:
         """Return what the builder remembers between blocks, for :meth:`restore`.
 
         Returns
         -------
-        (0,) or (8,) array
-            Empty before the first row; then the last row (time, gyro, accel) and the length of the last interval [s]
-            (0: none).
+        (0,), (9,) or (16,) array
+            Empty before the first row; then the lengths of the last interval and the one before [s] (0: none), and the
+            last row or, of increments, the last two rows (time, gyro, accel).
         """
         if not self._time.size:
             return np.empty(0)
-        return np.concatenate((self._time, self._gyro[0], self._accel[0], [self._dt]))
+        return np.concatenate((self._dt, np.column_stack((self._time, self._gyro, self._accel)).ravel()))
 
     def restore(self, state: Array) -> None:
         """Go on from the :meth:`state` of a builder of the same kind and `gap_s`.
@@ -221,13 +313,15 @@ class IncrementsBuilder:
             If `state` is not one.
         """
         state = np.array(state, dtype=np.float64)
-        if state.shape not in {(0,), (_STATE_SIZE,)}:
-            raise InputError(f"an increments builder is restored from 0 or {_STATE_SIZE} numbers, not {state.shape}")
-        rows = 1 if state.size else 0
-        self._time = state[:1]
-        self._gyro = state[1:4].reshape(rows, 3)
-        self._accel = state[4:7].reshape(rows, 3)
-        self._dt = float(state[7]) if rows else 0.0
+        sizes = [0, *(2 + _ROW * rows for rows in range(1, self._memory + 1))]
+        if state.ndim != 1 or state.size not in sizes:
+            raise InputError(
+                f"a builder of increments from {self.kind} is restored from {' or '.join(map(str, sizes))} numbers, "
+                f"not {state.shape}"
+            )
+        rows = state[2:].reshape(-1, _ROW)
+        self._time, self._gyro, self._accel = rows[:, 0].copy(), rows[:, 1:4].copy(), rows[:, 4:].copy()
+        self._dt = (float(state[0]), float(state[1])) if state.size else (0.0, 0.0)
 
 
 def to_increments(log: ImuLog, gap_s: float = np.inf) -> ImuIncrements:

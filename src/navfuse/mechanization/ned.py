@@ -12,19 +12,23 @@ from navfuse.core.rotation import quat_from_rotvec, quat_multiply
 
 @fused(inline="always")
 def rotate_increment(tx, ty, tz, ux, uy, uz):
-    """Velocity increment resolved at the start of its interval: u + t x u / 2 + t x (t x u) / 6.
+    """Velocity increment resolved at the start of its interval: u + B t x u + C t x (t x u).
 
-    Exact to third order in the rotation `t` for a rate and a specific force that are constant in the body over the
-    interval; what varies inside is the sculling term that :mod:`navfuse.imu.increments` adds beforehand (Groves 2013,
-    eq. 5.84; Savage 1998). No checks are made.
+    ``B = (1 - cos |t|)/|t|^2`` and ``C = (|t| - sin |t|)/|t|^3`` as series up to |t|^2, hence exact to fourth order in
+    the rotation `t` for a rate and a specific force that are constant in the body over the interval; what varies inside
+    is the sculling term that :mod:`navfuse.imu.increments` adds beforehand (Groves 2013, eq. 5.84; Savage 1998). No
+    checks are made.
     """
+    t2 = tx * tx + ty * ty + tz * tz
+    b = 0.5 - (1.0 / 24.0) * t2
+    c = 1.0 / 6.0 - (1.0 / 120.0) * t2
     cx = ty * uz - tz * uy
     cy = tz * ux - tx * uz
     cz = tx * uy - ty * ux
     return (
-        ux + 0.5 * cx + (1.0 / 6.0) * (ty * cz - tz * cy),
-        uy + 0.5 * cy + (1.0 / 6.0) * (tz * cx - tx * cz),
-        uz + 0.5 * cz + (1.0 / 6.0) * (tx * cy - ty * cx),
+        ux + b * cx + c * (ty * cz - tz * cy),
+        uy + b * cy + c * (tz * cx - tx * cz),
+        uz + b * cz + c * (tx * cy - ty * cx),
     )
 
 

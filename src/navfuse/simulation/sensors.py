@@ -134,7 +134,8 @@ def add_imu_errors(log: ImuLog, model: ImuErrorModel, rng: np.random.Generator) 
         out *= (white * per_noise)[:, None]
         out += values
         out += scale * values
-        out += values @ cross.T
+        if cross.any():
+            out += values @ cross.T
         out += bias * gain[:, None]
         measured[sensor] = out
         drawn |= {f"{sensor}_bias": bias, f"{sensor}_scale": scale, f"{sensor}_cross": cross}
