@@ -137,8 +137,7 @@ def _sem(lines: list[str], path: Path) -> list[Record]:
     count, length = int(header[1]), len(_SEM_RECORD)
     if len(values) != 2 + count * length:
         raise InputError(
-            f"{path}: {count} records of {length} numbers are announced, {len(values) - 2} numbers are there; is it cut "
-            "off?"
+            f"{path}: {count} records of {length} numbers are announced, {len(values) - 2} are there; is it cut off?"
         )
     records = []
     for k in range(count):

@@ -26,8 +26,8 @@ def ionosphere_obliquity(elevation: Array) -> Array:
 
     Notes
     -----
-    Thin layer: one over the cosine of the zenith angle where the ray pierces it. Source: Groves (2013), eq. 9.79, with
-    a layer at 350 km above a sphere of 6371 km.
+    Thin layer: one over the cosine of the zenith angle where the ray pierces it. Source: Groves (2013), section 9.3.2,
+    with a layer at 350 km above a sphere of 6371 km.
     """
     pierce = _MEAN_RADIUS / (_MEAN_RADIUS + IONOSPHERE_HEIGHT) * np.cos(elevation)
     return 1.0 / np.sqrt(1.0 - pierce**2)

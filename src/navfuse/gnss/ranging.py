@@ -51,7 +51,7 @@ def line_of_sight(sx, sy, sz, rx, ry, rz):
     Notes
     -----
     No checks are made. Each iteration shrinks the error by ``w_ie |r_s| / c`` < 1e-5, so that three from the range
-    without rotation leave less than rounding. Source: Groves (2013), eqs. 8.34 to 8.36.
+    without rotation leave less than rounding. Source: Groves (2013), section 8.5.3.
     """
     dx, dy, dz = sx - rx, sy - ry, sz - rz
     rho = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -91,7 +91,7 @@ def range_and_rate(sx, sy, sz, svx, svy, svz, rx, ry, rz, vx, vy, vz):
     -----
     No checks are made. In inertial axes, ``rho(t) = |r_s(t - rho / c) - r_a(t)|`` gives ``rate = u . (v_s - v_a) / (1 +
     u . v_s / c)``; the rates of the Earth in ``v_s - v_a`` cancel along `u`, since satellite and antenna are both
-    resolved in the axes of reception. Most texts, Groves (2013), eq. 9.142, among them, leave the divisor out: up to 2
+    resolved in the axes of reception. Texts leave the divisor out, Groves (2013), section 8.5.3, among them: up to 2
     mm/s.
     """
     rho, ux, uy, uz, c, s = line_of_sight(sx, sy, sz, rx, ry, rz)

@@ -54,7 +54,7 @@ def read_raw_gnss(path: str | os.PathLike[str], *, time_offset_s: float = 0.0) -
 
     * Rows without a pseudo-range, a satellite position or a satellite's name are left out with a note; refused if they
       are more than half of the file. A range rate may be missing by itself.
-    * Rows out of order are sorted, and of rows with the same stamp and satellite the first is kept; refused from 1 % on.
+    * Rows out of order are sorted, of rows with the same stamp and satellite the first is kept; refused from 1 % on.
     * A standard deviation that is missing gets a default with a note; one that is zero or negative is refused.
 
     Parameters
