@@ -16,7 +16,6 @@ from navfuse.gnss.orbits import gps_constellation, workshop_constellation
 from navfuse.gnss.ranging import arriving_signals
 from navfuse.gnss.single_point import single_point_position, single_point_velocity
 
-
 DEGREE = 0.01745329252
 """One degree in the code of the exercises, short of the true one by 3 parts in 1e12, which is 45 um of longitude."""
 

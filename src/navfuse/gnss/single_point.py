@@ -155,7 +155,7 @@ def _weighted_step(H: Array, residuals: Array, sd: Array) -> tuple[Array, Array]
     if diagonal.min() * _WORST_CONDITION <= diagonal.max():
         raise InputError(
             f"the {residuals.size} satellites do not determine position and clock: their lines of sight lie on a cone, "
-            "or two are the same satellite; more satellites are needed"
+            "two are the same satellite, or their positions are not in metres; take more satellites"
         )
     inverse = np.linalg.inv(R)
     return inverse @ (Q.T @ (residuals / sd)), inverse @ inverse.T

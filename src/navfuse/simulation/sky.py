@@ -175,7 +175,7 @@ def outage_of(given: SatelliteOutage | Mapping[str, Any]) -> SatelliteOutage:
 
 def _mapping(name: str, given: Any) -> Mapping[str, Any]:
     if not isinstance(given, Mapping):
-        raise ConfigError(f"{name} must hold tables of keys, not {given!r}")
+        raise ConfigError(f"{name} must hold tables of keys and values, not {given!r}")
     return given
 
 
