@@ -155,7 +155,7 @@ def in_kilometres(columns):
         (rename("cn0_dbhz", "cn0_db"), "'db' is not a known unit of carrier to noise density"),
         (
             change("sd_pseudorange_m", 3, 0.0),
-            r"line 5\), column 'sd_pseudorange_m': a standard deviation of 0 would mean",
+            r"line 5\), column 'sd_pseudorange_m': a standard deviation of 0 would",
         ),
         (change("sd_range_rate_mps", 4, -1.0), r"line 6\), column 'sd_range_rate_mps': a standard deviation of -1"),
         (change("corrected", 6, 0.0), r"line 8\), column 'corrected': 0; it has to be 1 in all rows"),
@@ -164,7 +164,7 @@ def in_kilometres(columns):
         (reverse, "rows are out of order and 0 repeat .* 1 % or more is not repaired"),
         (
             in_kilometres,
-            r"line 2\), columns 'sat_x_m', 'sat_y_m', 'sat_z_m': satellite 'G.*' is 26.* km from the centre",
+            r"line 2\), columns 'sat_x_m', 'sat_y_m', 'sat_z_m': satellite 'G.*' is 26.* km from",
         ),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from itertools import pairwise
 
 import numpy as np
 import pymap3d
@@ -86,7 +87,7 @@ def test_the_log_is_made_of_the_stated_parts(drive, corrected):
     times, first = log.epochs()
     assert times.size == truth.epoch_time.size
     assert np.all(np.diff(log.time) >= 0.0)
-    for begin, end in zip(first[:-1], first[1:], strict=True):
+    for begin, end in pairwise(first):
         assert len(set(log.satellite[begin:end])) == end - begin
     assert log.corrected is corrected
 
@@ -96,7 +97,7 @@ def test_without_errors_least_squares_gives_the_truth(lat, lon):
     motion = static(60.0, lat, lon, 50.0) if lat > 1.57 else circle_flight(60.0, lat=lat, lon=lon)
     log, truth = make(motion, clock_offset_m=1e5, clock_drift_mps=200.0, rate_hz=0.1)
     _, first = log.epochs()
-    for k, rows in enumerate(slice(*pair) for pair in zip(first[:-1], first[1:], strict=True)):
+    for k, rows in enumerate(slice(*pair) for pair in pairwise(first)):
         fix = single_point_position(log.pseudorange[rows], log.sat_r_e[rows])
         moving = single_point_velocity(log.range_rate[rows], log.sat_r_e[rows], log.sat_v_e[rows], fix.vector_e)
         np.testing.assert_allclose(fix.vector_e, truth.antenna_r_e[k], rtol=0, atol=1e-6)
@@ -107,9 +108,9 @@ def test_without_errors_least_squares_gives_the_truth(lat, lon):
     np.testing.assert_array_equal(log.sd_range_rate, 0.001)
 
 
-def test_pseudoranges_grow_as_the_range_rates_say(drive):
-    """Error-free, with the clock running: central differences over 0.2 s against the rate half-way."""
-    log, truth = make(drive, clock_drift_mps=150.0, rate_hz=10.0)
+def test_pseudoranges_grow_as_the_range_rates_say():
+    """Error-free, with the clock running: differences of sixth order over 0.6 s against the rate in the middle."""
+    log, truth = make(static(300.0, 0.8, 0.2, 50.0), clock_drift_mps=150.0, rate_hz=10.0)
     rows = {}
     for row, key in enumerate(zip(truth.epoch, log.satellite, strict=True)):
         rows[int(key[0]), str(key[1])] = row
@@ -120,7 +121,7 @@ def test_pseudoranges_grow_as_the_range_rates_say(drive):
             continue
         p = log.pseudorange[around]
         slope = (45.0 * (p[3] - p[2]) - 9.0 * (p[4] - p[1]) + (p[5] - p[0])) / 6.0
-        assert log.range_rate[row] == pytest.approx(slope, abs=2e-3)  # jerk of the car
+        assert log.range_rate[row] == pytest.approx(slope, abs=1e-6)
         checked += 1
     assert checked > 300
 
@@ -200,15 +201,18 @@ def test_the_mask_and_sectors_are_exact(drive):
     cases = [
         ({"elevation_mask_deg": 15.0}, el >= 15.0),
         ({"sectors": [(350.0, 80.0, 40.0, {})]}, ~(((az >= 350.0) | (az < 80.0)) & (el < 40.0))),
-        ({"sectors": [(-60.0, 60.0, 70.0, {"relative_to": "vehicle"})]}, ~(((nose >= 300.0) | (nose < 60.0)) & (el < 70.0))),
+        (
+            {"sectors": [(-60.0, 60.0, 70.0, {"relative_to": "vehicle"})]},
+            ~(((nose >= 300.0) | (nose < 60.0)) & (el < 70.0)),
+        ),
         (
             {"sectors": [(0.0, 360.0, 90.0, {"windows_s": [[100.0, 120.0]]}), (0.0, 90.0, 30.0, {})]},
             ~((time >= 100.0) & (time < 120.0)) & ~((az < 90.0) & (el < 30.0)),
         ),
         ({"outages_s": [[10.0, 20.0]]}, ~((time >= 10.0) & (time < 20.0))),
         (
-            {"satellite_outages": [{"satellite": "G02", "from_s": 5.0, "to_s": 44.0}]},
-            ~((log.satellite == "G02") & (time >= 5.0) & (time < 44.0)),
+            {"satellite_outages": [{"satellite": str(log.satellite[2]), "from_s": 5.0, "to_s": 44.0}]},
+            ~((log.satellite == log.satellite[2]) & (time >= 5.0) & (time < 44.0)),
         ),
     ]  # fmt: skip
     for keys, kept in cases:
@@ -248,24 +252,21 @@ def test_white_noise_has_the_stated_size_at_every_elevation(tripod):
 def test_slow_errors_of_satellites_are_stationary_gauss_markov(tripod, name):
     """Innovations of the known process are white and independent between satellites; so is the first sample."""
     tau, sd = 50.0, 2.0
-    first, later, satellites = [], [], []
+    first, later = [], []
     for seed in range(40):
         log, truth = make(tripod, seed, **{f"{name}_sd_m": sd, f"{name}_tau_s": tau, "rate_hz": 0.05})
-        for satellite in ("G01", "G05", "G09", "G13", "G17", "G21"):
+        for satellite in np.unique(log.satellite):
             rows = np.flatnonzero(log.satellite == satellite)
-            if rows.size == 0:
-                continue
             path, step = getattr(truth, name)[rows], np.diff(truth.epoch[rows])
             first.append(path[0])
             decay = np.exp(-step * 20.0 / tau)
             later.append((path[1:] - decay * path[:-1]) / np.sqrt(1.0 - decay**2))
-            satellites.append(satellite)
     later = np.concatenate(later)
     assert within_chi_square(np.array(first), sd)
     assert within_chi_square(later, sd)
     correlation = np.mean(later[1:] * later[:-1]) / sd**2
     assert abs(correlation) < 3.3 / math.sqrt(later.size)
-    assert len(set(satellites)) >= 3
+    assert len(first) >= 300
     np.testing.assert_allclose(log.sd_pseudorange, sd, rtol=1e-12)
 
 
@@ -318,7 +319,7 @@ def test_the_clock_wanders_as_its_two_densities_say(tripod):
     assert within_chi_square(whitened[0], 1.0)
     assert within_chi_square(whitened[1], 1.0)
     assert abs(np.mean(whitened[0] * whitened[1])) < 3.3 / math.sqrt(400.0)
-    np.testing.assert_allclose(ends.mean(axis=0), 0.0, atol=3.3 * np.sqrt(np.diag(covariance) / 400.0))
+    assert np.all(np.abs(ends.mean(axis=0)) < 3.3 * np.sqrt(np.diag(covariance) / 400.0))
 
 
 @pytest.mark.parametrize("length", [0.0, 10.0])
@@ -361,7 +362,7 @@ ALL_ROUND = {"azimuth_from_deg": 0.0, "azimuth_to_deg": 360.0}
     [
         ({"offset_s": 1e4}, "before the first GNSS epoch at 10000 s"),
         ({"elevation_mask_deg": 89.9}, "above the elevation mask of 89.9 deg at all 301 epochs: lower the mask"),
-        ({"sectors": [ALL_ROUND | {"elevation_below_deg": 90.0}]}, "the sky sectors hide every satellite at all 301 epochs"),
+        ({"sectors": [ALL_ROUND | {"elevation_below_deg": 90.0}]}, "sectors hide every satellite at all 301 epochs"),
         ({"sectors": [ALL_ROUND | {"elevation_below_deg": 88.0}]}, "make one narrower or lower, or give it windows"),
         ({"outages_s": [[0.0, 1e3]]}, "the outages hide every satellite that the sky leaves at all 301 epochs"),
         ({"rate_hz": 1e-4, "outages_s": [[0.0, 1e3]]}, "leaves at the only epoch: shorten them"),

@@ -29,18 +29,8 @@ _YUMA = {
     "week": "week",
 }
 """Beginning of a line in small letters -> what it holds; angles in radians."""
-_NEEDED = (
-    "prn",
-    "health",
-    "eccentricity",
-    "toa",
-    "inclination",
-    "node_rate",
-    "root",
-    "node",
-    "perigee",
-    "mean_anomaly",
-)
+_ELEMENTS = ("eccentricity", "inclination", "node", "node_rate", "perigee", "mean_anomaly", "toa")
+_NEEDED = ("prn", "health", "root", *_ELEMENTS)
 _SEM_RECORD = (
     "prn", "svn", "ura", "eccentricity", "inclination", "node_rate", "root", "node", "perigee", "mean_anomaly",
     "af0", "af1", "health", "configuration",
@@ -96,12 +86,8 @@ def read_almanac(path: str | os.PathLike[str], *, healthy_only: bool = True) -> 
     try:
         return Constellation(
             tuple(f"G{int(number):02d}" for number in columns["prn"]),
-            columns["root"] ** 2,
-            *(
-                columns[name]
-                for name in ("eccentricity", "inclination", "node", "node_rate", "perigee", "mean_anomaly")
-            ),
-            columns["toa"],
+            semi_major=columns["root"] ** 2,
+            **{name: columns[name] for name in _ELEMENTS},
         )
     except ConfigError as error:
         raise InputError(f"{path}: {error}") from error
