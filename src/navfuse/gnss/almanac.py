@@ -63,8 +63,8 @@ def read_almanac(path: str | os.PathLike[str], *, healthy_only: bool = True) -> 
 
     Notes
     -----
-    The satellites' clocks (af0, af1) are not used. Sources: IS-GPS-200, 20.3.3.5.2 and, for SEM (semicircles, inclination as offset from 0.30), ICD-GPS-240, table
-    30-III.
+    The clocks of the satellites (af0, af1) are not used. Sources: IS-GPS-200, 20.3.3.5.2 and, for SEM (semicircles,
+    inclination as offset from 0.30), ICD-GPS-240, table 30-III.
     """
     path = check_file(path, (".alm", ".txt", ".yuma", ".al3", ".sem"))
     try:
