@@ -301,15 +301,16 @@ def test_what_is_not_corrected_holds_the_whole_atmosphere(tripod):
     assert not clean.troposphere.any()
 
 
-def test_the_clock_wanders_as_its_two_densities_say(tripod):
-    """Over 400 runs, offset and drift after T have the variances S_f T^3 / 3 + S_p T and S_f T and their covariance."""
+@pytest.mark.parametrize("rate", [0.025, 0.25])
+def test_the_clock_wanders_as_its_two_densities_say(rate):
+    """After T, in one step and in ten, 400 runs: variances S_f T^3 / 3 + S_p T and S_f T, covariance S_f T^2 / 2."""
     T, S_p, S_f = 40.0, 0.3, 0.02
     drive = static(T, 0.8, 0.2, 50.0)
     ends = []
     for seed in range(400):
         _, truth = make(
             drive, seed, clock_offset_m=7.0, clock_drift_mps=-3.0, clock_phase_psd_m2_per_s=S_p,
-            clock_frequency_psd_m2_per_s3=S_f, rate_hz=0.25,
+            clock_frequency_psd_m2_per_s3=S_f, rate_hz=rate,
         )  # fmt: skip
         assert (truth.clock_offset[0], truth.clock_drift[0]) == (7.0, -3.0)
         ends.append([truth.clock_offset[-1] - 7.0 + 3.0 * T, truth.clock_drift[-1] + 3.0])
