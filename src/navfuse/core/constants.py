@@ -46,3 +46,6 @@ STANDARD_GRAVITY = 9.80665
 
 TWO_PI = 2.0 * math.pi
 """One turn [rad]."""
+
+LIGHT_SPEED = 299792458.0
+"""Speed of light in vacuum [m/s] (defining, 17th CGPM, 1983)."""

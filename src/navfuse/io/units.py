@@ -52,8 +52,9 @@ UNITS: dict[str, dict[str, float]] = {
         "mph": 1609.344 / 3600.0,
         "ftps": _FOOT,
     },
+    "carrier to noise density": {"dbhz": 1.0},
 }
-"""Quantity -> suffix -> factor to SI (radian, metre, second). One g is 9.80665 m/s^2 (3rd CGPM, 1901)."""
+"""Quantity -> suffix -> factor to SI (radian, metre, second; dB-Hz stays). One g is 9.80665 m/s^2 (3rd CGPM, 1901)."""
 
 
 def known_units(quantity: str) -> str:

@@ -12,6 +12,7 @@
     Motion                                                   -> GnssLog         (sensors.gnss_fixes)
     perfect ImuLog, ImuSensorModel                           -> ImuLog, errors  (measured_imu.measure_imu)
     Motion, GnssReceiverModel                                -> GnssLog, errors (measured_gnss.measure_gnss)
+    Motion, RawGnssModel                    -> RawGnssLog, components       (measured_raw_gnss.measure_raw_gnss)
     all of it                                                -> SimulatedLogs   (simulate)
 """
 
@@ -21,8 +22,10 @@ from navfuse.simulation.imu_errors import ImuSensorModel
 from navfuse.simulation.logs import SimulatedLogs, simulate
 from navfuse.simulation.measured_gnss import GnssTruth, measure_gnss
 from navfuse.simulation.measured_imu import ImuSensorTruth, measure_imu
+from navfuse.simulation.measured_raw_gnss import RawGnssTruth, measure_raw_gnss
 from navfuse.simulation.motion import Motion, MotionState
 from navfuse.simulation.perfect_imu import perfect_imu, sample_times
+from navfuse.simulation.raw_gnss_errors import RawGnssModel
 from navfuse.simulation.route import Vehicle
 from navfuse.simulation.rules import VEHICLES, aircraft, boat, car, drone, pedestrian
 from navfuse.simulation.segments import (
@@ -44,6 +47,7 @@ from navfuse.simulation.sensors import (
     gnss_fixes,
     noisy_fixes,
 )
+from navfuse.simulation.sky import SatelliteOutage, SkySector
 from navfuse.simulation.table import TableMove, rotating_table
 from navfuse.simulation.track import follow_track, track_residuals
 from navfuse.simulation.track_files import read_track
@@ -64,8 +68,12 @@ __all__ = [
     "ImuSensorTruth",
     "Motion",
     "MotionState",
+    "RawGnssModel",
+    "RawGnssTruth",
     "STurns",
+    "SatelliteOutage",
     "SimulatedLogs",
+    "SkySector",
     "Stop",
     "TableMove",
     "Turn",
@@ -89,6 +97,7 @@ __all__ = [
     "local_waypoints",
     "measure_gnss",
     "measure_imu",
+    "measure_raw_gnss",
     "noisy_fixes",
     "pedestrian",
     "perfect_imu",

@@ -52,39 +52,43 @@ class ImuErrorTruth:
 
 @njit(cache=True, error_model="numpy")
 def _wander(dt, tau, sigma, walk, out):
-    """Turn unit normals `out` (n, 3) into Gauss-Markov or walking paths in place; they start with deviation `sigma`."""
-    for j in range(3):
+    """Turn unit normals `out` (n, m) into Gauss-Markov or walking paths in place; they start with deviation `sigma`."""
+    for j in range(out.shape[1]):
         out[0, j] *= sigma[j]
         for k in range(1, dt.size):
             drive = gauss_markov_noise(sigma[j], dt[k], tau) + random_walk_noise(walk[j] * walk[j], dt[k])
             out[k, j] = gauss_markov_decay(dt[k], tau) * out[k - 1, j] + math.sqrt(drive) * out[k, j]
 
 
-def gauss_markov(time: ArrayLike, sd: ArrayLike, tau: float, walk: ArrayLike, rng: np.random.Generator) -> Array:
-    """Random paths of a slowly changing sensor error on three axes.
+def gauss_markov(
+    time: ArrayLike, sd: ArrayLike, tau: float, walk: ArrayLike, rng: np.random.Generator, count: int = 3
+) -> Array:
+    """Random paths of a slowly changing sensor error, on three axes or as many as there are.
 
     Parameters
     ----------
     time : (n,) array [s]
         Increasing, any spacing.
-    sd, walk : number or (3,) array
+    sd, walk : number or (count,) array
         As in :class:`~navfuse.imu.error_model.ImuErrorModel`.
     tau : float [s]
         Correlation time; inf for a constant plus random walk.
     rng : numpy Generator
+    count : int
+        Number of paths.
 
     Returns
     -------
-    (n, 3) array
+    (n, count) array
         In the unit of `sd`. With finite tau the process is stationary from the first sample on; without tau and walk,
         one draw is repeated (a read-only view).
     """
     time = np.asarray(time, dtype=float)
-    sd3, walk3 = (np.broadcast_to(np.asarray(x, dtype=float), (3,)).copy() for x in (sd, walk))
-    if not math.isfinite(tau) and not walk3.any():
-        return np.broadcast_to(rng.standard_normal(3) * sd3, (time.size, 3))
-    path = rng.standard_normal((time.size, 3))
-    _wander(np.diff(time, prepend=time[0]), tau, sd3, walk3, path)
+    sds, walks = (np.broadcast_to(np.asarray(x, dtype=float), (count,)).copy() for x in (sd, walk))
+    if not math.isfinite(tau) and not walks.any():
+        return np.broadcast_to(rng.standard_normal(count) * sds, (time.size, count))
+    path = rng.standard_normal((time.size, count))
+    _wander(np.diff(time, prepend=time[0]), tau, sds, walks, path)
     return path
 
 
