@@ -129,7 +129,7 @@ def test_the_last_row_is_the_filter_s(mode):
     forward, back = filter_.record.trajectory(), smoothed.trajectory
     for name in ("lat", "lon", "height", "velocity_n", "attitude", "sd_position", "sd_velocity", "sd_attitude"):
         np.testing.assert_allclose(getattr(back, name)[-1], getattr(forward, name)[-1], rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(smoothed.state_value[-1], filter_.record.state_value[-1], rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(smoothed.state_value[-1], filter_.record.states[-1][0], rtol=1e-9, atol=1e-15)
 
 
 def horizontal_errors(trajectory):

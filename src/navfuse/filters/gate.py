@@ -50,10 +50,11 @@ class Gate:
 
     def limit(self, size: int) -> float:
         """Largest normalised innovation squared that passes for a measurement of `size` values."""
-        if size not in self._quantiles:
+        quantile = self._quantiles.get(size)
+        if quantile is None:
             p = self.probability
-            self._quantiles[size] = float(chdtri(size, 1.0 - p)) if p < 1.0 else np.inf
-        return self._quantiles[size] * max(1.0, self.scatter)
+            quantile = self._quantiles[size] = float(chdtri(size, 1.0 - p)) if p < 1.0 else np.inf
+        return quantile * self.scatter if self.scatter > 1.0 else quantile
 
     def watch(self, ratio: float, time: float) -> None:
         """Take note of a normalised innovation squared per degree of freedom.
