@@ -22,6 +22,7 @@ from navfuse.core.rotation import euler_from_quat
 from navfuse.data.logs import ImuLog
 from navfuse.data.nav_state import boxplus_navigation, to_ned
 from navfuse.data.start import Start
+from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
 from navfuse.filters.settings import FilterSettings
 from navfuse.imu.error_model import ImuErrorModel
@@ -33,15 +34,15 @@ from navfuse.simulation import (
     car_drive,
     circle_flight,
     figure_eight_flight,
-    gnss_fixes,
     perfect_imu,
     sample_times,
     static,
 )
+from navfuse.simulation.sensors import antenna_of_fixes, fixes_of_antenna
 
 Array = np.ndarray
 
-_DEG = math.pi / 180.0
+_START_SDS = ("start_sd_position", "start_sd_velocity", "start_sd_attitude_deg")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,6 +131,11 @@ class SimulatedRecipe:
     imu_noise_factor: float = 1.0
 
     def __post_init__(self) -> None:
+        for name in ("sd_position", "sd_velocity", "lever_arm_b", *_START_SDS):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, tuple(np.asarray(value, dtype=float).tolist()))
+        object.__setattr__(self, "outages_s", tuple((float(a), float(b)) for a, b in self.outages_s))
         if self.name not in MOTIONS:
             raise ConfigError(f"unknown motion {self.name!r}{_nearest(self.name)}")
         imu_grade(self.grade)
@@ -146,11 +152,10 @@ class SimulatedRecipe:
 
     def __call__(self, seed: int) -> Case:
         """The run of a seed: the same numbers whenever and wherever it is called."""
-        motion, ideal, truth = _ideal(self.name, self.duration, self.imu_rate, self.gnss_rate)
-        model = self._model()
+        shared = _shared(self)
         imu_draws, gnss_draws, start_draws = np.random.default_rng(seed).spawn(3)
-        imu, imu_errors = add_imu_errors(ideal, model, imu_draws)
-        gnss = gnss_fixes(motion, self.gnss_rate, self.sd_position, self.sd_velocity, self.lever_arm_b, gnss_draws)
+        imu, imu_errors = add_imu_errors(shared.ideal, shared.model, imu_draws)
+        gnss = fixes_of_antenna(*shared.antenna, gnss_draws)
         told = replace(
             gnss,
             sd_position=gnss.sd_position * self.gnss_sd_factor,
@@ -160,24 +165,9 @@ class SimulatedRecipe:
         sensors: list[AidingSensor] = [GnssPosition(told, lever, self.outages_s)]
         if told.velocity_n is not None:
             sensors.append(GnssVelocity(told, lever, self.outages_s))
-        settings = FilterSettings(ecef=self.frame == "ecef", output_period=1.0 / self.gnss_rate, checkpoints=True)
-        k = self.imu_noise_factor
-        told_model = model.replace(
-            arw=k * model.arw,
-            vrw=k * model.vrw,
-            gyro_bias_walk=k * model.axes("gyro_bias_walk"),
-            accel_bias_walk=k * model.axes("accel_bias_walk"),
-        )
-        logs = SimulatedLogs(imu, gnss, truth, imu_errors, motion)
-        return Case(logs, self._start(motion, start_draws), told_model, tuple(sensors), settings, self.smooth)
-
-    def _model(self) -> ImuErrorModel:
-        model = imu_grade(self.grade)
-        return model if self.scale_states else model.replace(gyro_scale_sd=0.0, accel_scale_sd=0.0)
-
-    def _start(self, motion: Motion, draws: np.random.Generator) -> Start:
-        sds = (self.start_sd_position, self.start_sd_velocity, np.radians(self.start_sd_attitude_deg))
-        return drawn_start(motion, motion.start, *sds, draws)
+        logs = SimulatedLogs(imu, gnss, shared.truth, imu_errors, shared.motion)
+        start = _wrong(shared.start, start_draws)
+        return Case(logs, start, shared.told_model, tuple(sensors), shared.settings, self.smooth)
 
 
 def drawn_start(
@@ -200,6 +190,17 @@ def drawn_start(
         Roll, pitch, heading.
     rng : numpy Generator
     """
+    return _wrong(_true_start(motion, time, sd_position, sd_velocity, sd_euler), rng)
+
+
+def _true_start(
+    motion: Motion,
+    time: float,
+    sd_position: Array | tuple[float, ...],
+    sd_velocity: Array | tuple[float, ...],
+    sd_euler: Array | tuple[float, ...],
+) -> tuple[Start, Array]:
+    """The right start, and a square root (9, 9) of its covariance."""
     state = motion.at(time)
     nav = to_ned(np.concatenate([state.r_e[0], state.v_e[0], state.q_eb[0]]))
     euler = np.array(euler_from_quat(nav[6:10]))
@@ -210,6 +211,11 @@ def drawn_start(
     for block in (slice(0, 3), slice(3, 6), slice(6, 9)):
         values, vectors = np.linalg.eigh(start.P[block, block])
         root[block, block] = vectors * np.sqrt(np.maximum(values, 0.0))
+    return start, root
+
+
+def _wrong(right: tuple[Start, Array], rng: np.random.Generator) -> Start:
+    start, root = right
     wrong = start.nav.copy()
     boxplus_navigation(wrong, -root @ rng.standard_normal(9), False)
     return replace(start, nav=wrong)
@@ -252,6 +258,47 @@ def recipe(name: str, **settings: Any) -> Recipe:
 def _nearest(name: str) -> str:
     close = difflib.get_close_matches(name.lower(), MOTIONS, n=1, cutoff=0.4)
     return (f": did you mean {close[0]!r}?" if close else ":") + f" known: {', '.join(MOTIONS)}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shared:
+    """What all runs of a recipe have in common: model of the simulation and of the filter, and everything but draws."""
+
+    motion: Motion
+    ideal: ImuLog
+    truth: Trajectory
+    model: ImuErrorModel
+    told_model: ImuErrorModel
+    settings: FilterSettings
+    antenna: tuple[Array, Array, Array, Array, Array | None]
+    start: tuple[Start, Array]
+
+
+@lru_cache(maxsize=8)
+def _shared(recipe: SimulatedRecipe) -> _Shared:
+    """Made once per process."""
+    motion, ideal, truth = _ideal(recipe.name, recipe.duration, recipe.imu_rate, recipe.gnss_rate)
+    model = imu_grade(recipe.grade)
+    if not recipe.scale_states:
+        model = model.replace(gyro_scale_sd=0.0, accel_scale_sd=0.0)
+    k = recipe.imu_noise_factor
+    told_model = model.replace(
+        arw=k * model.arw,
+        vrw=k * model.vrw,
+        gyro_bias_walk=k * model.axes("gyro_bias_walk"),
+        accel_bias_walk=k * model.axes("accel_bias_walk"),
+    )
+    sds = recipe.start_sd_position, recipe.start_sd_velocity, np.radians(recipe.start_sd_attitude_deg)
+    return _Shared(
+        motion,
+        ideal,
+        truth,
+        model,
+        told_model,
+        FilterSettings(ecef=recipe.frame == "ecef", output_period=1.0 / recipe.gnss_rate, checkpoints=True),
+        antenna_of_fixes(motion, recipe.gnss_rate, recipe.sd_position, recipe.sd_velocity, recipe.lever_arm_b),
+        _true_start(motion, motion.start, *sds),
+    )
 
 
 @lru_cache(maxsize=4)
