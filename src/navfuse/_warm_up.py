@@ -38,7 +38,7 @@ def compile_late_kernels() -> None:
 
     from navfuse.aiding.gnss_fix import linearize_position, linearize_velocity
     from navfuse.data.nav_state import describe_rows
-    from navfuse.filters.measurement import room, take
+    from navfuse.filters.event import carrier, note, room, take
     from navfuse.mechanization.propagate import identity_transition
     from navfuse.smoothers import adjoint, rts
 
@@ -50,7 +50,8 @@ def compile_late_kernels() -> None:
     F, none_x, none_P = identity_transition(n)[None], np.empty((0, 9)), np.empty((0, 9, 9))
     s, rates, offsets, numbers = np.zeros(n - 9), np.zeros(6), np.full(6, -1), np.zeros(room(d, n))
     describe_rows(navs, xs, Ps, False, np.empty((rows, 18)))
-    take(nav.copy(), s, rates, x, P.copy(), offsets, False, False, z, H, R, np.inf, held, numbers)
+    take(carrier(n), rates, offsets, False, False, z, H, R, np.inf, held, numbers)
+    note(carrier(n), np.zeros((2, 0)), 0.0, -1, held, navs, xs, Ps)
     linearize_position(nav, False, held, np.ones(6), z, H.copy(), np.zeros((d, d)))
     adjoint.back_across_rows(rows, xs, Ps, F, held, lam, Lam, none_x, none_P, adjoint.tile_space(n))
     rts._back_across_update(numbers, d, True, lam, Lam, np.zeros((n + 13, n)))

@@ -12,12 +12,12 @@ REPORT = """
 import numpy as np
 from navfuse import _warm_up
 from navfuse.smoothers import adjoint, rts
-from navfuse.filters.measurement import take
+from navfuse.filters.event import note, take
 from navfuse.data.nav_state import describe_rows
 _warm_up.compile_late_kernels()
 kernels = (
     adjoint.back_across_rows, rts._back_across_update, rts._smooth_rows, rts._smooth_states, take,
-    describe_rows,
+    note, describe_rows,
 )
 compiled = {kernel.__name__: len(kernel.signatures) for kernel in kernels}
 

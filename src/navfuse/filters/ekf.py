@@ -16,9 +16,9 @@ from navfuse.data.nav_state import NavState, sensor_offsets, to_ecef
 from navfuse.data.start import Start
 from navfuse.errors import ConfigError, FilterError
 from navfuse.filters.doubt import bridge, loosen
+from navfuse.filters.event import carrier, note, room, split, take
 from navfuse.filters.gate import Gate
 from navfuse.filters.heading_hold import HeadingHold
-from navfuse.filters.measurement import room, take
 from navfuse.filters.output import OutputBuffer
 from navfuse.filters.record import (
     LATE,
@@ -29,8 +29,6 @@ from navfuse.filters.record import (
     Checkpoint,
     FilterRecord,
     Innovation,
-    carrier,
-    split,
 )
 from navfuse.filters.settings import FilterSettings
 from navfuse.imu.error_model import ImuErrorModel
@@ -109,11 +107,9 @@ class ErrorStateFilter:
         self.time = float(start.time)
         self._carried = carrier(n)
         self.nav, self.s, self.x, self.P = split(self._carried)
-        self._variance = self.P.ravel()[9 * (n + 1) :: n + 1]
-        self._sensor_x = self.x[NAVIGATION_STATES:]
         self.nav[:] = start.nav
         self.P[:9, :9] = start.P
-        self._variance[:] = sd**2
+        self.P[range(9, n), range(9, n)] = sd**2
         if settings.ecef:
             self._rotate_start()
         self.s[:] = layout.per_state("value")
@@ -137,12 +133,12 @@ class ErrorStateFilter:
         self._gates = [Gate(sensor.gate, settings) for sensor in self.sensors]
         self._sensor_sd = layout.per_state("sd")
         fixed = sensor_offsets(layout), settings.ecef, settings.open_loop
-        self._take = partial(take, self.nav, self.s, self._last, self.x, self.P, *fixed)
+        self._take = partial(take, self._carried, self._last, *fixed)
         self.record = FilterRecord(layout)
         self._hold_heading()
         self._keep_checkpoint(0, ())
         if period == 0 or (period > 0 and abs(self._out_next * period - self.time) <= TIME_TOLERANCE):
-            self._emit()
+            self._note(put=True)
             self._output.flush(self.record)
 
     def _rotate_start(self) -> None:
@@ -227,38 +223,38 @@ class ErrorStateFilter:
                 return at
             output.flush(self.record)
 
-    def _emit(self) -> None:
-        period = self.settings.output_period
-        self._emitted = self.time
-        time = self._out_next * period if period > 0 else self.time
-        self._output.append(time, self.nav, self.x, self.P, self.record)
-        self._out_next += 1
-
     def _close(self, increments: ImuIncrements, at: int, updates: tuple[Innovation, ...]) -> None:
-        time, nav, settings, record = self.time, self.nav.tolist(), self.settings, self.record
-        if not isfinite(sum(nav)):
-            raise FilterError(
-                f"the navigation state is no longer finite at {time:.3f} s; look at the inertial data before it"
-            )
-        if not settings.ecef and abs(nav[0]) > POLAR_LATITUDE:
-            raise FilterError(
-                f"latitude {np.degrees(nav[0]):.4f} deg at {time:.3f} s: north and east have no meaning so "
-                'near a pole; set [filter] frame = "ecef"'
-            )
-        period = settings.output_period
+        period, time = self.settings.output_period, self.time
         due = (
             abs(self._out_next * period - time) <= TIME_TOLERANCE
             if period > 0
             else period == 0 and time == increments.time[at]
         )
-        if due and time > self._emitted:
-            self._emit()
+        states = self._note(due and time > self._emitted)
+        if not self.settings.ecef and abs(self.nav[0]) > POLAR_LATITUDE:
+            raise FilterError(
+                f"latitude {np.degrees(self.nav[0]):.4f} deg at {time:.3f} s: north and east have no meaning so "
+                'near a pole; set [filter] frame = "ecef"'
+            )
         self._keep_checkpoint(at, updates)
+        self.record.state_time.append(time)
+        self.record.states.append(states)
+
+    def _note(self, put: bool) -> Array:
+        """Put out a row if wanted; estimates and standard deviations (2, n - 9) of the states after the ninth."""
+        output, period, time = self._output, self.settings.output_period, self.time
         states = np.empty((2, self.s.size))
-        np.add(self.s, self._sensor_x, states[0])
-        np.sqrt(self._variance, states[1])
-        record.state_time.append(time)
-        record.states.append(states)
+        if put:
+            self._emitted = time
+            time = self._out_next * period if period > 0 else time
+            self._out_next += 1
+        if not isfinite(note(self._carried, states, time, output.filled if put else -1, *output.arrays[:4])):
+            raise FilterError(
+                f"the navigation state is no longer finite at {self.time:.3f} s; look at the inertial data before it"
+            )
+        if put:
+            output.added(self.record)
+        return states
 
     def _keep_checkpoint(self, at: int, updates: tuple[Innovation, ...]) -> None:
         if self.settings.checkpoints:

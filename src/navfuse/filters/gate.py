@@ -61,9 +61,11 @@ class Gate:
 
         The memory is fifty measurements, and not less than ten seconds.
         """
-        gain = min(SCATTER_GAIN, max(time - self.last, 0.0) / SCATTER_MEMORY_S)
+        gain = (time - self.last) / SCATTER_MEMORY_S
+        gain = SCATTER_GAIN if gain > SCATTER_GAIN else max(gain, 0.0)
+        most = SCATTER_LIMIT * (self.scatter if self.scatter > 1.0 else 1.0)
         self.last = time
-        self.scatter += gain * (min(ratio, SCATTER_LIMIT * max(1.0, self.scatter)) - self.scatter)
+        self.scatter += gain * ((ratio if ratio < most else most) - self.scatter)
 
     def accept(self) -> None:
         """Take note of a measurement that was used."""

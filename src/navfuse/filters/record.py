@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import isqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from navfuse.data.layout import NAVIGATION_STATES, Layout
 from navfuse.data.result import COMPONENTS, Innovations, StateHistory
 from navfuse.data.trajectory import Trajectory
+from navfuse.filters.event import split
 
 Array = np.ndarray
 
@@ -24,7 +24,7 @@ class Innovation(NamedTuple):
     """One measurement, used or not.
 
     `size` is its number of values d, zero if it came late; `numbers` holds the innovation z (d,), its covariance S (d,
-    d) and, if it was used in a run that keeps checkpoints, all else that :func:`navfuse.filters.measurement.take`
+    d) and, if it was used in a run that keeps checkpoints, all else that :func:`navfuse.filters.event.take`
     leaves behind.
     """
 
@@ -56,7 +56,7 @@ class Innovation(NamedTuple):
 class Checkpoint(NamedTuple):
     """The filter after an event: increments finished, time, what it carries, and the measurements used, in order.
 
-    `carried` holds nav (10,), s (n - 9,), x (n,) and P (n, n). `held` (3,) is the direction of the attitude error that
+    For `carried` see :mod:`navfuse.filters.event`. `held` (3,) is the direction of the attitude error that
     the event left alone, or zero; `acc` are the sums of a covariance step under way, where a filter was restored in the
     middle of one, otherwise None.
     """
@@ -77,21 +77,6 @@ class Checkpoint(NamedTuple):
     def P(self) -> Array:
         """Covariance (n, n)."""
         return self.parts[3]
-
-
-def carrier(n: int) -> Array:
-    """Room for all that a filter of n states carries from increment to increment; see :func:`split`."""
-    return np.zeros((n + 1) ** 2)
-
-
-def split(carried: Array) -> tuple[Array, Array, Array, Array]:
-    """Views of the navigation state nav (..., 10), the estimates s (..., n - 9) of the states after the ninth, the
-    error estimate x (..., n) and the covariance P (..., n, n).
-    """
-    n = isqrt(carried.shape[-1]) - 1
-    a = 10 + n - NAVIGATION_STATES
-    P = carried[..., a + n :]
-    return carried[..., :10], carried[..., 10:a], carried[..., a : a + n], P.reshape(*P.shape[:-1], n, n)
 
 
 @dataclass

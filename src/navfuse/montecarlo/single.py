@@ -21,7 +21,8 @@ from navfuse.data.result import Innovations
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
 from navfuse.filters.ekf import ErrorStateFilter
-from navfuse.filters.record import Checkpoint, collect_innovations, split
+from navfuse.filters.event import split
+from navfuse.filters.record import Checkpoint, collect_innovations
 from navfuse.imu.increments import to_increments
 from navfuse.montecarlo.recipes import Case
 from navfuse.simulation import ImuErrorTruth, Motion, MotionState

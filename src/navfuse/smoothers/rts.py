@@ -29,8 +29,8 @@ from navfuse.data.nav_state import describe_rows
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
 from navfuse.filters.ekf import ErrorStateFilter
-from navfuse.filters.measurement import parts
-from navfuse.filters.record import Checkpoint, split, trajectory_from_rows
+from navfuse.filters.event import parts, split
+from navfuse.filters.record import Checkpoint, trajectory_from_rows
 from navfuse.imu.increments import ImuIncrements
 from navfuse.mechanization.propagate import TIME_TOLERANCE, identity_transition
 from navfuse.smoothers.adjoint import back_across_rows, tile_space
@@ -130,7 +130,7 @@ def _uncorrelate_direction(held, P):
 def _back_across_update(numbers, d, turned, lam, Lam, work):
     """Carry the adjoint from after a measurement update to before it.
 
-    `numbers` is what :func:`navfuse.filters.measurement.take` left behind of the d values; `turned` tells whether the
+    `numbers` is what :func:`navfuse.filters.event.take` left behind of the d values; `turned` tells whether the
     estimate was corrected. No checks are made.
     """
     n = lam.size
