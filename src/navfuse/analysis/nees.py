@@ -9,6 +9,7 @@ Applications to Tracking and Navigation* (2001), section 5.4.2.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -77,14 +78,20 @@ class Component:
 
 def components_of(layout: Layout) -> tuple[Component, ...]:
     """Components of a layout in its order, attitude as roll, pitch and heading."""
+    return _components_of(tuple((block.name, block.size) for block in layout.blocks))
+
+
+@lru_cache(maxsize=16)
+def _components_of(blocks: tuple[tuple[str, int], ...]) -> tuple[Component, ...]:
+    """The same tuple for all runs of a campaign, so that pickling several of them at once writes it once."""
     found = [Component(name, group, unit, k) for group, (names, unit, k) in _NAVIGATION.items() for name in names]
-    for block in layout.blocks:
-        unit, factor = _SENSOR_UNITS.get(block.name, ("si", 1.0))
-        if block.name.endswith("_cross"):
+    for name, size in blocks:
+        unit, factor = _SENSOR_UNITS.get(name, ("si", 1.0))
+        if name.endswith("_cross"):
             axes = tuple(_AXES[row] + _AXES[column] for row, column in CROSS_PAIRS)
         else:
-            axes = _AXES if block.size == 3 else tuple(str(k + 1) for k in range(block.size))
-        found += [Component(f"{block.name}_{axis}", block.name, unit, factor) for axis in axes]
+            axes = _AXES if size == 3 else tuple(str(k + 1) for k in range(size))
+        found += [Component(f"{name}_{axis}", name, unit, factor) for axis in axes]
     return tuple(found)
 
 

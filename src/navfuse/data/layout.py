@@ -109,5 +109,5 @@ class Layout:
 
     def per_state(self, attribute: str) -> np.ndarray:
         """An attribute of :class:`Block` (``sd``, ``tau``, ``walk``, ``value``) for every state after the ninth."""
-        parts = [np.broadcast_to(np.asarray(getattr(b, attribute), dtype=float), b.size) for b in self.blocks]
+        parts = [np.full(b.size, getattr(b, attribute), dtype=float) for b in self.blocks]
         return np.concatenate(parts) if parts else np.empty(0)

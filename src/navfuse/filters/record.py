@@ -115,19 +115,25 @@ class FilterRecord:
 
 def trajectory_from_rows(time: list[Array], rows: list[Array], source: str) -> Trajectory:
     """A trajectory of pieces of output (r,) and (r, 18) as :func:`navfuse.data.nav_state.describe_rows` gives them."""
-    t = np.concatenate(time) if time else np.empty(0)
-    r = np.concatenate(rows) if rows else np.empty((0, 18))
-    r = np.ascontiguousarray(r.T)
+    if not rows:
+        time, rows = [np.empty(0)], [np.empty((0, 18))]
+
+    def column(k: int) -> Array:
+        return np.concatenate([piece[:, k] for piece in rows])
+
+    def vector(k: int) -> Array:
+        return np.concatenate([piece[:, k : k + 3] for piece in rows])
+
     return Trajectory(
-        time=t,
-        lat=r[0],
-        lon=r[1],
-        height=r[2],
-        velocity_n=np.ascontiguousarray(r[3:6].T),
-        attitude=np.ascontiguousarray(r[6:9].T),
-        sd_position=np.ascontiguousarray(r[9:12].T),
-        sd_velocity=np.ascontiguousarray(r[12:15].T),
-        sd_attitude=np.ascontiguousarray(r[15:18].T),
+        time=np.concatenate(time),
+        lat=column(0),
+        lon=column(1),
+        height=column(2),
+        velocity_n=vector(3),
+        attitude=vector(6),
+        sd_position=vector(9),
+        sd_velocity=vector(12),
+        sd_attitude=vector(15),
         source=source,
     )
 
