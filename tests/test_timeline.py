@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navfuse.timeline import merge_events
+from navfuse.timeline import group_events, merge_events
 
 
 def test_measurements_of_equal_time_stand_in_the_order_of_the_sensors():
@@ -30,3 +30,9 @@ def test_every_measurement_appears_once_in_order(logs):
     assert keys == sorted(keys)
     assert len(set(keys)) == sum(len(log) for log in logs)
     assert all(logs[s][r] == t for t, s, r in keys)
+
+
+def test_a_group_reaches_no_further_than_the_tolerance_behind_its_first_event():
+    assert list(group_events([1.0, 1.0, 1.4, 1.8, 2.3, 2.7], 0.5)) == [(0, 3), (3, 5), (5, 6)]
+    assert list(group_events([3.0], 0.5)) == [(0, 1)]
+    assert list(group_events([], 0.5)) == []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -32,3 +32,17 @@ def merge_events(times: Sequence[Array]) -> tuple[Array, Array, Array]:
     row = np.concatenate([np.arange(len(t), dtype=np.int64) for t in times])
     order = np.lexsort((sensor, time))
     return time[order], sensor[order], row[order]
+
+
+def group_events(time: Sequence[float], tolerance: float) -> Iterator[tuple[int, int]]:
+    """First event and the one after the last of every group, of events sorted by time [s].
+
+    A group reaches no further than `tolerance` behind its first event.
+    """
+    first = 0
+    for k in range(1, len(time)):
+        if time[k] - time[first] > tolerance:
+            yield first, k
+            first = k
+    if len(time):
+        yield first, len(time)

@@ -247,8 +247,8 @@ def test_a_sensor_of_ones_own_has_its_states_estimated(open_loop):
     sd = deviations(filter_)[at]
     assert sd < 1e-3
     assert abs(filter_.nav_state().state("speed.scale")[0] - 0.05) < 3.0 * sd
-    assert filter_.record.state_value[-1][at - 9] == filter_.nav_state().state("speed.scale")[0]
-    assert filter_.record.state_sd[-1][at - 9] == pytest.approx(sd, rel=0.01)
+    assert filter_.record.states[-1][0, at - 9] == filter_.nav_state().state("speed.scale")[0]
+    assert filter_.record.states[-1][1, at - 9] == pytest.approx(sd, rel=0.01)
 
 
 def test_two_sensors_of_one_name_are_refused():

@@ -132,8 +132,7 @@ def test_a_saved_filter_goes_on_as_if_nothing_had_happened(name, through, at):
         "innovations",
         "checkpoints",
         "state_time",
-        "state_value",
-        "state_sd",
+        "states",
         "notes",
         "gaps",
     ):

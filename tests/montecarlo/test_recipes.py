@@ -6,7 +6,8 @@ from scipy.stats import chi2
 
 from navfuse.analysis.nees import navigation_errors, nees
 from navfuse.errors import ConfigError
-from navfuse.montecarlo import RECIPES, SimulatedRecipe, recipe
+from navfuse.montecarlo import SimulatedRecipe
+from navfuse.montecarlo.recipes import MOTIONS
 from navfuse.simulation import car_drive, drawn_start, simulate
 
 SHORT = {"duration": 20.0, "imu_rate": 20.0}
@@ -66,9 +67,9 @@ def test_settings_reach_the_filter():
     assert [withheld.sensors[0].withheld(k) for k in (4, 5, 9, 10)] == [False, True, True, False]
 
 
-@pytest.mark.parametrize("name", RECIPES)
+@pytest.mark.parametrize("name", MOTIONS)
 def test_every_offered_motion_can_be_run(name):
-    case = recipe(name, **SHORT)(0)
+    case = SimulatedRecipe(name, **SHORT)(0)
     assert case.logs.imu.time[-1] == pytest.approx(20.0)
     assert case.logs.gnss.time.size == 21
 
@@ -76,8 +77,8 @@ def test_every_offered_motion_can_be_run(name):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"name": "carr"}, "unknown scenario 'carr': did you mean 'car'? known: car, circle-flight"),
-        ({"name": "xyzzy"}, "unknown scenario 'xyzzy': known: car"),
+        ({"name": "carr"}, "unknown motion 'carr': did you mean 'car'? known: car, circle-flight"),
+        ({"name": "xyzzy"}, "unknown motion 'xyzzy': known: car"),
         ({"name": "car", "grade": "tacticle"}, "unknown IMU grade 'tacticle'"),
         ({"name": "car", "frame": "enu"}, "frame must be 'ned' or 'ecef', not 'enu'"),
         ({"name": "car", "duration": 0.0}, "duration must be positive and finite, not 0.0"),
@@ -88,7 +89,7 @@ def test_every_offered_motion_can_be_run(name):
 )
 def test_bad_settings_are_refused(settings, message):
     with pytest.raises(ConfigError) as caught:
-        recipe(**settings)
+        SimulatedRecipe(**settings)
     assert message in str(caught.value)
 
 

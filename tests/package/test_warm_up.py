@@ -12,12 +12,12 @@ REPORT = """
 import numpy as np
 from navfuse import _warm_up
 from navfuse.smoothers import adjoint, rts
-from navfuse.core.kalman import update
-from navfuse.data.nav_state import apply_correction, describe_rows
+from navfuse.filters.event import note, take
+from navfuse.data.nav_state import describe_rows
 _warm_up.compile_late_kernels()
 kernels = (
-    adjoint.back_across_rows, rts._back_across_update, rts._smooth_rows, rts._smooth_states, update, apply_correction,
-    describe_rows,
+    adjoint.back_across_rows, rts._back_across_update, rts._smooth_rows, rts._smooth_states, take,
+    note, describe_rows,
 )
 compiled = {kernel.__name__: len(kernel.signatures) for kernel in kernels}
 

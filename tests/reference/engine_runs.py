@@ -129,12 +129,10 @@ def assert_same_record(a: FilterRecord, b: FilterRecord) -> None:
         assert (one.time, one.source, one.row, one.status) == (other.time, other.source, other.row, other.status)
         assert np.array_equal([one.nis, *one.z, *one.sd], [other.nis, *other.z, *other.sd], equal_nan=True)
     assert a.state_time == b.state_time
-    assert np.array_equal(a.state_value, b.state_value)
-    assert np.array_equal(a.state_sd, b.state_sd)
+    assert np.array_equal(a.states, b.states)
     assert a.notes == b.notes
     assert a.gaps == b.gaps
     assert len(a.checkpoints) == len(b.checkpoints)
     for one, other in zip(a.checkpoints, b.checkpoints, strict=True):
         assert (one.index, one.time) == (other.index, other.time)
-        for x, y in zip(one[2:6], other[2:6], strict=True):
-            assert np.array_equal(x, y)
+        assert np.array_equal(one.carried, other.carried)

@@ -74,11 +74,12 @@ class AidingSensor:
     def linearize(self, nav: NavState, k: int) -> tuple[Array, Array, Array]:
         """Innovation z (d,), measurement matrix H (d, n) and noise covariance R (d, d) at a navigation state.
 
-        Built from the other methods; override it only for speed.
+        Built from the other methods; override it only for speed. The filter compiles its update anew for arrays that
+        are not float, in C order and writable.
         """
         z = np.atleast_1d(np.asarray(self.subtract(self.value(k), self.predict(nav, k)), dtype=float))
-        H = np.atleast_2d(np.asarray(self.jacobian(nav, k), dtype=float))
-        return z, H, noise_covariance(self.noise(k), z.size)
+        H = np.array(self.jacobian(nav, k), dtype=float, order="C", ndmin=2)
+        return z, H, np.array(noise_covariance(self.noise(k), z.size), dtype=float, order="C")
 
     def state_blocks(self) -> tuple[Block, ...]:
         """The sensor's own states under their full names."""

@@ -9,6 +9,7 @@ Applications to Tracking and Navigation* (2001), section 5.4.2.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -77,14 +78,20 @@ class Component:
 
 def components_of(layout: Layout) -> tuple[Component, ...]:
     """Components of a layout in its order, attitude as roll, pitch and heading."""
+    return _components_of(tuple((block.name, block.size) for block in layout.blocks))
+
+
+@lru_cache(maxsize=16)
+def _components_of(blocks: tuple[tuple[str, int], ...]) -> tuple[Component, ...]:
+    """The same tuple for all runs of a campaign, so that pickling several of them at once writes it once."""
     found = [Component(name, group, unit, k) for group, (names, unit, k) in _NAVIGATION.items() for name in names]
-    for block in layout.blocks:
-        unit, factor = _SENSOR_UNITS.get(block.name, ("si", 1.0))
-        if block.name.endswith("_cross"):
+    for name, size in blocks:
+        unit, factor = _SENSOR_UNITS.get(name, ("si", 1.0))
+        if name.endswith("_cross"):
             axes = tuple(_AXES[row] + _AXES[column] for row, column in CROSS_PAIRS)
         else:
-            axes = _AXES if block.size == 3 else tuple(str(k + 1) for k in range(block.size))
-        found += [Component(f"{block.name}_{axis}", block.name, unit, factor) for axis in axes]
+            axes = _AXES if size == 3 else tuple(str(k + 1) for k in range(size))
+        found += [Component(f"{name}_{axis}", name, unit, factor) for axis in axes]
     return tuple(found)
 
 
@@ -153,6 +160,23 @@ def navigation_errors(r_e: Array, v_e: Array, q_eb: Array, nav: Array, ecef: boo
     return error, J
 
 
+@njit(cache=True, error_model="numpy")
+def _to_components(error, P, J, values, sd):
+    """Fill values and sd (m, n); J has three blocks of three by three on its diagonal. No checks are made."""
+    for row in range(error.shape[0]):
+        for i in range(error.shape[1]):
+            v, variance = error[row, i], P[row, i, i]
+            if i < 9:
+                v = variance = 0.0
+                first = i // 3 * 3
+                for j in range(first, first + 3):
+                    v += J[row, i, j] * error[row, j]
+                    for k in range(first, first + 3):
+                        variance += J[row, i, j] * P[row, j, k] * J[row, i, k]
+            values[row, i] = v
+            sd[row, i] = np.sqrt(max(variance, 0.0))
+
+
 def to_components(error: Array, P: Array, J: Array) -> tuple[Array, Array]:
     """Errors and standard deviations of the components.
 
@@ -170,29 +194,31 @@ def to_components(error: Array, P: Array, J: Array) -> tuple[Array, Array]:
     values, sd : (m, n) arrays
         SI units; see :func:`components_of`.
     """
-    values = error.copy()
-    values[:, :9] = np.einsum("kij,kj->ki", J, error[:, :9])
-    variance = np.diagonal(P, axis1=1, axis2=2).copy()
-    variance[:, :9] = np.einsum("kij,kij->ki", J @ P[:, :9, :9], J)
-    return values, np.sqrt(np.maximum(variance, 0.0))
+    values, sd = np.empty_like(error), np.empty_like(error)
+    _to_components(error, P, J, values, sd)
+    return values, sd
 
 
 @njit(cache=True, error_model="numpy")
-def _squares(error, P, out):
-    """``d' P^-1 d`` of every row; NaN where P is not positive definite. No checks are made."""
-    n = error.shape[1]
+def _squares(error, P, index, out):
+    """``d' P^-1 d`` of every row, of the components `index` (n,); NaN where P is not positive definite. No checks are
+    made.
+    """
+    n = index.size
     L, y, sd = np.empty((n, n)), np.empty(n), np.empty(n)
     for row in range(error.shape[0]):
         total = 0.0
         for i in range(n):
-            sd[i] = np.sqrt(P[row, i, i]) if P[row, i, i] > 0.0 else np.nan
+            a = index[i]
+            own = P[row, a, a]
+            sd[i] = np.sqrt(own) if own > 0.0 else np.nan
             for j in range(i):
-                v = P[row, i, j] / (sd[i] * sd[j])
+                v = P[row, a, index[j]] / (sd[i] * sd[j])
                 for k in range(j):
                     v -= L[i, k] * L[j, k]
                 L[i, j] = v / L[j, j]
-            pivot = P[row, i, i] / (sd[i] * sd[i])
-            v = error[row, i] / sd[i]
+            pivot = own / (sd[i] * sd[i])
+            v = error[row, a] / sd[i]
             for k in range(i):
                 pivot -= L[i, k] * L[i, k]
                 v -= L[i, k] * y[k]
@@ -228,14 +254,7 @@ def nees(error: Array, P: Array) -> Array:
     error, P = np.asarray(error, dtype=float), np.asarray(P, dtype=float)
     if error.ndim != 2 or P.shape != (*error.shape, error.shape[1]):
         raise InputError(f"NEES needs errors (m, n) and covariances (m, n, n), not {error.shape} and {P.shape}")
-    if not (np.isfinite(error).all() and np.isfinite(P).all()):
-        raise InputError("NEES needs finite errors and covariances")
-    out = np.empty(error.shape[0])
-    _squares(np.ascontiguousarray(error), np.ascontiguousarray(P), out)
-    bad = np.flatnonzero(np.isnan(out))
-    if bad.size:
-        raise InputError(f"the covariance of epoch {bad[0]} is not positive definite, so that it has no NEES")
-    return out
+    return nees_of_groups(error, P, {WHOLE: np.arange(error.shape[1])})[WHOLE]
 
 
 def groups_of(components: tuple[Component, ...], tested: Array | None = None) -> dict[str, Array]:
@@ -273,4 +292,16 @@ def nees_of_groups(error: Array, P: Array, groups: dict[str, Array]) -> dict[str
     InputError
         As :func:`nees`.
     """
-    return {name: nees(error[:, index], P[:, index[:, None], index[None, :]]) for name, index in groups.items()}
+    error, P = np.ascontiguousarray(error, dtype=float), np.ascontiguousarray(P, dtype=float)
+    finite = bool(np.isfinite(P).all())
+    found = {}
+    for name, index in groups.items():
+        out = np.empty(error.shape[0])
+        _squares(error, P, index, out)
+        bad = np.flatnonzero(~np.isfinite(out))
+        if not finite or not np.isfinite(error[bad[:, None], index]).all():
+            raise InputError("NEES needs finite errors and covariances")
+        if bad.size:
+            raise InputError(f"the covariance of epoch {bad[0]} is not positive definite, so that it has no NEES")
+        found[name] = out
+    return found

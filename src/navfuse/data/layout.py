@@ -53,6 +53,8 @@ class Layout:
         Blocks after the nine navigation errors (``position``, ``velocity``, ``attitude``), in order.
     imu_count : int
         How many of the states after the ninth belong to the inertial sensor.
+    size : int
+        Number of states.
 
     Notes
     -----
@@ -63,6 +65,7 @@ class Layout:
 
     blocks: tuple[Block, ...]
     imu_count: int = 0
+    size: int = field(init=False, repr=False, compare=False)
     _offsets: dict[str, tuple[int, int]] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -74,17 +77,13 @@ class Layout:
             offsets[block.name] = (at, block.size)
             at += block.size
         object.__setattr__(self, "_offsets", offsets)
+        object.__setattr__(self, "size", at)
 
     @classmethod
     def join(cls, imu_blocks: Iterable[Block], aiding_blocks: Iterable[Block] = ()) -> Layout:
         """Layout of inertial sensor blocks (see :func:`navfuse.imu.states.imu_blocks`) and aiding blocks."""
         imu_blocks = tuple(imu_blocks)
         return cls(imu_blocks + tuple(aiding_blocks), sum(b.size for b in imu_blocks))
-
-    @property
-    def size(self) -> int:
-        """Number of states."""
-        return NAVIGATION_STATES + sum(b.size for b in self.blocks)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -110,5 +109,5 @@ class Layout:
 
     def per_state(self, attribute: str) -> np.ndarray:
         """An attribute of :class:`Block` (``sd``, ``tau``, ``walk``, ``value``) for every state after the ninth."""
-        parts = [np.broadcast_to(np.asarray(getattr(b, attribute), dtype=float), b.size) for b in self.blocks]
+        parts = [np.full(b.size, getattr(b, attribute), dtype=float) for b in self.blocks]
         return np.concatenate(parts) if parts else np.empty(0)

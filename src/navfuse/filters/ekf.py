@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from math import isfinite
 from typing import Any
 
@@ -10,31 +11,40 @@ import numpy as np
 
 from navfuse.aiding.base import AidingSensor
 from navfuse.core.earth import dcm_en
-from navfuse.core.kalman import update
 from navfuse.data.layout import NAVIGATION_STATES, Layout
-from navfuse.data.nav_state import NavState, apply_correction, sensor_offsets, to_ecef
+from navfuse.data.nav_state import NavState, sensor_offsets, to_ecef
 from navfuse.data.start import Start
 from navfuse.errors import ConfigError, FilterError
+from navfuse.filters.doubt import bridge, loosen
+from navfuse.filters.event import carrier, note, room, split, take
 from navfuse.filters.gate import Gate
 from navfuse.filters.heading_hold import HeadingHold
 from navfuse.filters.output import OutputBuffer
-from navfuse.filters.record import LATE, REJECTED, RESET, USED, WITHHELD, Checkpoint, FilterRecord, Innovation, Update
+from navfuse.filters.record import (
+    LATE,
+    REJECTED,
+    RESET,
+    USED,
+    WITHHELD,
+    Checkpoint,
+    FilterRecord,
+    Innovation,
+)
 from navfuse.filters.settings import FilterSettings
 from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.increments import ImuIncrements
 from navfuse.imu.states import imu_blocks
 from navfuse.mechanization.error_dynamics import ACC_TIME, imu_state_map
 from navfuse.mechanization.propagate import TIME_TOLERANCE, Propagator
-from navfuse.timeline import merge_events
+from navfuse.timeline import group_events, merge_events
 
 Array = np.ndarray
 
-RESET_ATTITUDE_SD = np.radians(10.0)
-GAP_FULL_S = 0.5
 DOUBT_S = 10.0
 LINEAR_ATTITUDE = np.radians(1.0)
 LINEAR_POSITION = 5000.0
-POLAR_LATITUDE = np.radians(89.95)
+POLAR_LATITUDE = float(np.radians(89.95))
+NOTHING = np.empty(0)
 
 
 class ErrorStateFilter:
@@ -95,22 +105,22 @@ class ErrorStateFilter:
             settings.output_period,
         )
         self.time = float(start.time)
-        self.nav = np.array(start.nav, dtype=float)
-        self.P = np.zeros((n, n))
+        self._carried = carrier(n)
+        self.nav, self.s, self.x, self.P = split(self._carried)
+        self.nav[:] = start.nav
         self.P[:9, :9] = start.P
         self.P[range(9, n), range(9, n)] = sd**2
         if settings.ecef:
             self._rotate_start()
-        self.s = layout.per_state("value").copy()
+        self.s[:] = layout.per_state("value")
         for name, (value, sd) in start.states.items():
             if name in layout:
                 where = layout.slice(name)
                 self.s[where.start - NAVIGATION_STATES : where.stop - NAVIGATION_STATES] = value
                 self.P[range(where.start, where.stop), range(where.start, where.stop)] = np.square(sd)
-        self.x = np.zeros(n)
-        self._offsets = sensor_offsets(layout)
         self._acc = self.propagator.accumulator()
         self._last = np.zeros(6)
+        self._rates = self._last[:3], self._last[3:]
         self._linear = True
         self._emitted = self._bridged = -np.inf
         self._hold = HeadingHold(self.nav[3:6])
@@ -121,16 +131,19 @@ class ErrorStateFilter:
         self._F = np.empty((0, n))
         self._output = OutputBuffer(self.propagator)
         self._gates = [Gate(sensor.gate, settings) for sensor in self.sensors]
+        self._sensor_sd = layout.per_state("sd")
+        fixed = sensor_offsets(layout), settings.ecef, settings.open_loop
+        self._take = partial(take, self._carried, self._last, *fixed)
         self.record = FilterRecord(layout)
         self._hold_heading()
-        self._keep_checkpoint(())
+        self._keep_checkpoint(0, ())
         if period == 0 or (period > 0 and abs(self._out_next * period - self.time) <= TIME_TOLERANCE):
-            self._emit()
+            self._note(put=True)
             self._output.flush(self.record)
 
     def _rotate_start(self) -> None:
         C = np.kron(np.eye(3), np.array(dcm_en(self.nav[0], self.nav[1])).reshape(3, 3))
-        self.nav = to_ecef(self.nav)
+        self.nav[:] = to_ecef(self.nav)
         self.P[:9, :9] = C @ self.P[:9, :9] @ C.T
 
     def feed(self, increments: ImuIncrements) -> None:
@@ -147,53 +160,47 @@ class ErrorStateFilter:
                 f"increments begin at {times[0]:.6f} s but the filter stands at {self.time:.6f} s; feed them without "
                 "a hole"
             )
-        end = times[-1]
         pending = [
             np.asarray(sensor.times[k:], dtype=float) for sensor, k in zip(self.sensors, self._pointers, strict=True)
         ]
         if not self._last.any() and len(increments):
             self._foresee_first_rate(increments)
         at = 0
-        for t, measurements, gap in self._stops(pending, increments):
-            at = self._advance(increments, at, t)
-            self._bridge(increments, at, ended=gap)
+        end = float(times[-1])
+        step = self._stepper(increments)
+        gaps = times[1:][np.diff(times) > self.settings.gap_s]
+        for t, measurements, gap in self._stops(pending, gaps, end):
+            at = self._advance(step, at, t)
+            if gaps.size:
+                self._bridge(increments, at, ended=gap)
             self._hold_heading()
-            updates: list[Update] = []
-            late = [self._measure(which, k, time, updates) for which, k, time in measurements]
-            if gap or not all(late):
+            updates: list[Innovation] = []
+            late = True
+            for time, which, k in measurements:
+                late &= self._measure(which, k, time, updates)
+            if gap or not late:
                 self._hold.uncorrelate(self.P)
                 self._close(increments, at, tuple(updates))
         following = [p[np.searchsorted(p, end + TIME_TOLERANCE, side="right") :] for p in pending]
         horizon = min((p[0] for p in following if p.size), default=np.inf)
-        self._advance(increments, at, max(horizon, end + 2 * TIME_TOLERANCE))
+        self._advance(step, at, max(horizon, end + 2 * TIME_TOLERANCE))
         self._index += increments.inc_theta_b.shape[0]
         self._output.flush(self.record)
 
     def _stops(
-        self, pending: list[Array], increments: ImuIncrements
-    ) -> Iterator[tuple[float, list[tuple[int, int, float]], bool]]:
-        """Moments to stop at: time, measurements (sensor, number, time), and whether a gap ends there."""
-        end = increments.time[-1] + TIME_TOLERANCE
-        time, sensor, row = merge_events([p[: np.searchsorted(p, end, side="right")] for p in pending])
+        self, pending: list[Array], gaps: Array, end: float
+    ) -> Iterator[tuple[float, list[tuple[float, int, int]], bool]]:
+        """Moments to stop at: time, measurements (time, sensor, number), and whether a gap ends there."""
+        time, sensor, row = merge_events([p[: np.searchsorted(p, end + TIME_TOLERANCE, side="right")] for p in pending])
         row += np.array(self._pointers, dtype=np.int64)[sensor] if row.size else 0
-        gaps = increments.time[1:][np.diff(increments.time) > self.settings.gap_s]
-        stops = list(zip(time.tolist(), sensor.tolist(), row.tolist(), strict=True))
+        events = list(zip(time.tolist(), sensor.tolist(), row.tolist(), strict=True))
         if gaps.size:
-            stops += [(t, -1, -1) for t in gaps.tolist()]
-            stops.sort(key=lambda stop: (stop[0], stop[1] >= 0))
-        k = 0
-        while k < len(stops):
-            t = stops[k][0]
-            gap = False
-            measurements = []
-            while k < len(stops) and stops[k][0] - t <= TIME_TOLERANCE:
-                moment, which, number = stops[k]
-                if which < 0:
-                    gap = True
-                else:
-                    measurements.append((which, number, moment))
-                k += 1
-            yield t, measurements, gap
+            events += [(t, -1, -1) for t in gaps.tolist()]
+            events.sort(key=lambda event: (event[0], event[1] >= 0))
+        for first, last in group_events([event[0] for event in events], TIME_TOLERANCE):
+            group = events[first:last]
+            gap = gaps.size > 0 and any(event[1] < 0 for event in group)
+            yield events[first][0], [event for event in group if event[1] >= 0] if gap else group, gap
 
     def _foresee_first_rate(self, increments: ImuIncrements) -> None:
         """Before the first increment is used, its rate and specific force stand in for those of the one before."""
@@ -204,78 +211,61 @@ class ErrorStateFilter:
                 where = self.layout.slice(name)
                 self._last[part : part + 3] -= self.s[where.start - NAVIGATION_STATES : where.stop - NAVIGATION_STATES]
 
-    def _advance(self, increments: ImuIncrements, at: int, t_end: float) -> int:
+    def _stepper(self, increments: ImuIncrements) -> partial[tuple[int, float, int, int]]:
+        carried = self.nav, self.s, self.x, self.P, self._F, self._acc, self._last
+        return self.propagator.stepper(increments, *carried, self._output.arrays)
+
+    def _advance(self, step: partial[tuple[int, float, int, int]], at: int, t_end: float) -> int:
         output = self._output
         while True:
-            at, self.time, self._out_next, output.filled = self.propagator.advance(
-                increments,
-                at,
-                self.time,
-                t_end,
-                self.nav,
-                self.s,
-                self.x,
-                self.P,
-                self._F,
-                self._acc,
-                self._out_next,
-                output.arrays,
-                self._last,
-                output.filled,
-            )
+            at, self.time, self._out_next, output.filled = step(at, self.time, t_end, self._out_next, output.filled)
             if output.filled < output.capacity or not output.capacity:
                 return at
             output.flush(self.record)
 
-    def _emit(self) -> None:
-        period = self.settings.output_period
-        self._emitted = self.time
-        time = self._out_next * period if period > 0 else self.time
-        self._output.append(time, self.nav, self.x, self.P, self.record)
-        self._out_next += 1
+    def _close(self, increments: ImuIncrements, at: int, updates: tuple[Innovation, ...]) -> None:
+        period, time = self.settings.output_period, self.time
+        due = (
+            abs(self._out_next * period - time) <= TIME_TOLERANCE
+            if period > 0
+            else period == 0 and time == increments.time[at]
+        )
+        states = self._note(due and time > self._emitted)
+        if not self.settings.ecef and abs(self.nav[0]) > POLAR_LATITUDE:
+            raise FilterError(
+                f"latitude {np.degrees(self.nav[0]):.4f} deg at {time:.3f} s: north and east have no meaning so "
+                'near a pole; set [filter] frame = "ecef"'
+            )
+        self._keep_checkpoint(at, updates)
+        self.record.state_time.append(time)
+        self.record.states.append(states)
 
-    def _close(self, increments: ImuIncrements, at: int, updates: tuple[Update, ...]) -> None:
-        if not isfinite(sum(self.nav.tolist())):
+    def _note(self, put: bool) -> Array:
+        """Put out a row if wanted; estimates and standard deviations (2, n - 9) of the states after the ninth."""
+        output, period, time = self._output, self.settings.output_period, self.time
+        states = np.empty((2, self.s.size))
+        if put:
+            self._emitted = time
+            time = self._out_next * period if period > 0 else time
+            self._out_next += 1
+        if not isfinite(note(self._carried, states, time, output.filled if put else -1, *output.arrays[:4])):
             raise FilterError(
                 f"the navigation state is no longer finite at {self.time:.3f} s; look at the inertial data before it"
             )
-        if not self.settings.ecef and abs(self.nav[0]) > POLAR_LATITUDE:
-            raise FilterError(
-                f"latitude {np.degrees(self.nav[0]):.4f} deg at {self.time:.3f} s: north and east have no meaning so "
-                'near a pole; set [filter] frame = "ecef"'
-            )
-        period = self.settings.output_period
-        due = (
-            abs(self._out_next * period - self.time) <= TIME_TOLERANCE
-            if period > 0
-            else period == 0 and self.time == increments.time[at]
-        )
-        if due and self.time > self._emitted:
-            self._emit()
-        self._keep_checkpoint(updates, at)
-        self.record.state_time.append(self.time)
-        self.record.state_value.append(self.s + self.x[9:])
-        self.record.state_sd.append(np.sqrt(self.P.diagonal()[9:]))
+        if put:
+            output.added(self.record)
+        return states
 
-    def _keep_checkpoint(self, updates: tuple[Update, ...], at: int = 0) -> None:
+    def _keep_checkpoint(self, at: int, updates: tuple[Innovation, ...]) -> None:
         if self.settings.checkpoints:
+            acc = self._acc.copy() if self._acc[ACC_TIME] > 0.0 else None
             self.record.checkpoints.append(
-                Checkpoint(
-                    self._index + at,
-                    self.time,
-                    self.nav.copy(),
-                    self.s.copy(),
-                    self.x.copy() if self.settings.open_loop else self.x,
-                    self.P.copy(),
-                    updates,
-                    self._hold.direction,
-                    self._acc.copy() if self._acc[ACC_TIME] > 0.0 else None,
-                )
+                Checkpoint(self._index + at, self.time, self._carried.copy(), updates, self._hold.direction, acc)
             )
 
     def nav_state(self) -> NavState:
         """The corrected navigation state where the filter stands, as sensors see it."""
-        nav = NavState(self.time, self.nav, self.settings.ecef, self.s, self.layout, self._last[:3], self._last[3:])
+        nav = NavState(self.time, self.nav, self.settings.ecef, self.s, self.layout, *self._rates)
         return nav.boxplus(self.x) if self.settings.open_loop else nav
 
     def _hold_heading(self) -> None:
@@ -289,57 +279,50 @@ class ErrorStateFilter:
                 "is given"
             )
 
-    def _measure(self, which: int, k: int, time: float, updates: list[Update]) -> bool:
+    def _measure(self, which: int, k: int, time: float, updates: list[Innovation]) -> bool:
         """Use or record one measurement; True if it came too late for either."""
         sensor = self.sensors[which]
         self._pointers[which] = k + 1
+        row = sensor.log_row(k)
         if time < self.time - TIME_TOLERANCE or self._acc[ACC_TIME] > 0.0:
-            self.record.innovations.append(
-                Innovation(time, sensor.name, sensor.log_row(k), LATE, np.nan, np.empty(0), np.empty((0, 0)))
-            )
+            self.record.innovations.append(Innovation(time, sensor.name, row, LATE, np.nan, 0, NOTHING))
             return True
         z, H, R = sensor.linearize(self.nav_state(), k)
         d = z.size
-        n = self.layout.size
-        K, S, Sinv, dx = np.empty((n, d)), np.empty((d, d)), np.empty((d, d)), np.empty(n)
+        numbers = np.empty(room(d, self.layout.size))
         withheld = sensor.withheld(k)
         keeper = self._gates[which]
         gate = keeper.limit(d)
-        nis = update(self.P, H, R, z, -1.0 if withheld else gate, self._hold.direction, K, S, Sinv, dx)
+        nis = self._take(z, H, R, -1.0 if withheld else gate, self._hold.direction, numbers)
         if not isfinite(nis):
             raise FilterError(
                 f"{sensor.name} measurement {k} at {time:.3f} s cannot be used: its innovation covariance is not "
                 "positive definite or a value "
                 "is not finite; look at its noise and at the start covariance"
             )
-        status = WITHHELD if withheld else USED if nis <= gate else REJECTED
+        status = WITHHELD
         if not withheld:
+            status = USED if nis <= gate else REJECTED
             keeper.watch(nis / d, time)
-        if status == REJECTED and keeper.reject(time):
-            self._loosen(1.01 * nis / gate)
-            nis_after = update(self.P, H, R, z, np.inf, self._hold.direction, K, np.empty((d, d)), Sinv, dx)
-            if not isfinite(nis_after):
-                raise FilterError(f"the covariance is no longer positive definite at {time:.3f} s")
-            status = RESET
-            self._note_reset(sensor.name, keeper, time)
-        if status in (USED, RESET):
+            if status == REJECTED and keeper.reject(time):
+                first = numbers[: d + d * d].copy()
+                loosen(self.P, self._sensor_sd, 1.01 * nis / gate)
+                if not isfinite(self._take(z, H, R, np.inf, self._hold.direction, numbers)):
+                    raise FilterError(f"the covariance is no longer positive definite at {time:.3f} s")
+                numbers[: d + d * d] = first
+                status = RESET
+                self._note_reset(sensor.name, keeper, time)
+        used = status in (USED, RESET)
+        if not (used and self.settings.checkpoints):
+            numbers = numbers[: d + d * d].copy()
+        innovation = Innovation(time, sensor.name, row, status, nis, d, numbers)
+        self.record.innovations.append(innovation)
+        if used:
             keeper.accept()
-            self._correct(dx)
-            updates.append(Update(H, K, Sinv, z, dx[6:9]))
-        self.record.innovations.append(Innovation(time, sensor.name, sensor.log_row(k), status, nis, z, S))
+            updates.append(innovation)
+            if self.settings.open_loop:
+                self._watch_linear_range()
         return False
-
-    def _loosen(self, factor: float) -> None:
-        """Add variance as if each state had wandered: by a factor, but no sensor state beyond its start, no attitude
-        beyond RESET_ATTITUDE_SD.
-        """
-        n = self.layout.size
-        sd = np.sqrt(np.maximum(np.diagonal(self.P), 1e-300))
-        most = np.full(n, np.inf)
-        most[6:9] = RESET_ATTITUDE_SD
-        most[9:] = np.maximum(self.layout.per_state("sd"), sd[9:])
-        grow = np.clip(most / sd, 1.0, np.sqrt(factor))
-        self.P[range(n), range(n)] *= grow**2
 
     def _note_reset(self, name: str, gate: Gate, time: float) -> None:
         self.record.notes.append(
@@ -349,13 +332,6 @@ class ErrorStateFilter:
             "next one. Look at the settings of the inertial sensor, at time offsets and at the sigmas of the "
             "measurements."
         )
-
-    def _correct(self, dx: Array) -> None:
-        if self.settings.open_loop:
-            self.x += dx
-            self._watch_linear_range()
-            return
-        apply_correction(self.nav, self.s, self._last, self.P, dx, self._offsets, self.settings.ecef)
 
     def _watch_linear_range(self) -> None:
         """Say once when the errors of an uncorrected inertial solution are no longer small enough to be linear."""
@@ -380,15 +356,7 @@ class ErrorStateFilter:
             return
         crossed = self.time - max(begin, self._bridged)
         self._bridged = self.time
-        share = min(1.0, gap / GAP_FULL_S)
-        q_angle = (self.settings.gap_gyro_sd * share) ** 2 * gap * crossed
-        q_speed = (self.settings.gap_accel_sd * share) ** 2 * gap * crossed
-        for i in range(3):
-            self.P[6 + i, 6 + i] += q_angle
-            self.P[3 + i, 3 + i] += q_speed
-            self.P[i, i] += 0.25 * crossed**2 * q_speed
-            self.P[i, 3 + i] += 0.5 * crossed * q_speed
-            self.P[3 + i, i] += 0.5 * crossed * q_speed
+        bridge(self.P, self.settings, gap, crossed)
         if ended:
             self.record.gaps.append((begin, gap))
             for gate in self._gates:
@@ -418,27 +386,18 @@ class ErrorStateFilter:
             )
         for name in _SAVED:
             value = np.array(state[name.lstrip("_")])
-            setattr(self, name, value if value.ndim else value.item())
+            if name in _ARRAYS:
+                getattr(self, name)[...] = value
+            else:
+                setattr(self, name, value if value.ndim else value.item())
         self._pointers = [int(k) for k in self._pointers]
         self._hold.restore(state["heading_hold"])
         for gate, saved in zip(self._gates, state["gates"], strict=True):
             gate.restore(tuple(float(value) for value in saved))
         self._index = 0
         self.record = FilterRecord(self.layout)
-        self._keep_checkpoint(())
+        self._keep_checkpoint(0, ())
 
 
-_SAVED = (
-    "time",
-    "nav",
-    "s",
-    "x",
-    "P",
-    "_acc",
-    "_last",
-    "_out_next",
-    "_emitted",
-    "_bridged",
-    "_linear",
-    "_pointers",
-)
+_ARRAYS = ("nav", "s", "x", "P", "_acc", "_last")
+_SAVED = (*_ARRAYS, "time", "_out_next", "_emitted", "_bridged", "_linear", "_pointers")

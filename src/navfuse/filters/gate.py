@@ -50,19 +50,22 @@ class Gate:
 
     def limit(self, size: int) -> float:
         """Largest normalised innovation squared that passes for a measurement of `size` values."""
-        if size not in self._quantiles:
+        quantile = self._quantiles.get(size)
+        if quantile is None:
             p = self.probability
-            self._quantiles[size] = float(chdtri(size, 1.0 - p)) if p < 1.0 else np.inf
-        return self._quantiles[size] * max(1.0, self.scatter)
+            quantile = self._quantiles[size] = float(chdtri(size, 1.0 - p)) if p < 1.0 else np.inf
+        return quantile * self.scatter if self.scatter > 1.0 else quantile
 
     def watch(self, ratio: float, time: float) -> None:
         """Take note of a normalised innovation squared per degree of freedom.
 
         The memory is fifty measurements, and not less than ten seconds.
         """
-        gain = min(SCATTER_GAIN, max(time - self.last, 0.0) / SCATTER_MEMORY_S)
+        gain = (time - self.last) / SCATTER_MEMORY_S
+        gain = SCATTER_GAIN if gain > SCATTER_GAIN else max(gain, 0.0)
+        most = SCATTER_LIMIT * (self.scatter if self.scatter > 1.0 else 1.0)
         self.last = time
-        self.scatter += gain * (min(ratio, SCATTER_LIMIT * max(1.0, self.scatter)) - self.scatter)
+        self.scatter += gain * ((ratio if ratio < most else most) - self.scatter)
 
     def accept(self) -> None:
         """Take note of a measurement that was used."""

@@ -35,11 +35,8 @@ class OutputBuffer:
         self.filled = 0
         self._ecef = propagator.ecef
 
-    def append(self, time: float, nav: Array, x: Array, P: Array, record: FilterRecord) -> None:
-        """Add one row to a buffer that is not full."""
-        times, navs, errors, covariances, _ = self.arrays
-        row = self.filled
-        times[row], navs[row], errors[row], covariances[row] = time, nav, x, P[:9]
+    def added(self, record: FilterRecord) -> None:
+        """A row of a buffer that was not full has been filled."""
         self.filled += 1
         if self.filled == self.capacity:
             self.flush(record)

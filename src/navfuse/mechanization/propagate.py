@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from navfuse.core.fused import fused
@@ -41,15 +43,13 @@ def propagate(
     times,
     inc_theta_b,
     inc_v_b,
-    i,
-    t,
-    t_end,
     nav,
     s,
     x,
     P,
     F,
     acc,
+    last,
     ecef,
     inertial,
     places,
@@ -57,14 +57,16 @@ def propagate(
     work,
     cov_period,
     out_period,
-    out_next,
-    rows,
     out_time,
     out_nav,
     out_x,
     out_P,
     out_F,
-    last,
+    i,
+    t,
+    t_end,
+    out_next,
+    rows,
 ):
     """Mechanize every increment up to `t_end` and carry the covariance along.
 
@@ -74,11 +76,6 @@ def propagate(
         Stamps; increment j covers (times[j], times[j + 1]].
     inc_theta_b, inc_v_b : (k, 3) arrays
         Increments as :mod:`navfuse.imu.increments` makes them.
-    i, t : int, float
-        Where the state stands: inside increment i, at time t.
-    t_end : float
-        Event to stop at; an increment that holds it is split in proportion to time. If the increments end earlier, so
-        does the call, and an unfinished covariance step stays in `acc` for the next call.
     nav : (10,) array
         Navigation state, NED or ECEF.
     s : (n - 9,) array
@@ -91,21 +88,28 @@ def propagate(
         Accumulated transition, as :func:`identity_transition` makes it; without rows it is not accumulated.
     acc : array
         Sums of the covariance step that is under way.
+    last : (6,) array
+        Receives the corrected mean rate w_ib_b and specific force f_b of the last increment touched.
     ecef : bool
     inertial, places, place, work
         Attributes of :class:`navfuse.mechanization.tiles.Workspace`.
     cov_period : float [s]
         Shortest covariance step; 0 = one step per increment.
-    out_period, out_next : float, int
-        States are put out at the multiples of out_period (0 = at every stamp), beginning with number out_next. A state
-        due at `t_end` itself is left to the caller, who may have a measurement to apply first.
+    out_period : float
+        States are put out at its multiples (0 = at every stamp). A state due at `t_end` itself is left to the caller,
+        who may have a measurement to apply first.
+    out_time (r,), out_nav (r, 10), out_x (r, n), out_P (r, 9, n), out_F (r, 10, n) : arrays
+        Receive the output; with r = 0 there is none. out_P takes the navigation rows of P; out_F, if it has rows, takes
+        F, which is then reset so that each F leads from the output before.
+    i, t : int, float
+        Where the state stands: inside increment i, at time t.
+    t_end : float
+        Event to stop at; an increment that holds it is split in proportion to time. If the increments end earlier, so
+        does the call, and an unfinished covariance step stays in `acc` for the next call.
+    out_next : int
+        Number of the multiple of `out_period` at which the output goes on.
     rows : int
         Rows of the output arrays that are filled already, fewer than r.
-    out_time (r,), out_nav (r, 10), out_x (r, n), out_P (r, 9, n), out_F (r, 10, n) : arrays
-        Filled from there on; with r = 0 there is no output. out_P takes the navigation rows of P; out_F, if it has
-        rows, takes F, which is then reset so that each F leads from the output before.
-    last : (6,) array
-        Receives the corrected mean rate w_ib_b and specific force f_b of the last increment touched.
 
     Returns
     -------
@@ -236,38 +240,36 @@ class Propagator:
             np.empty((rows if transitions else 0, 10, n)),
         )
 
-    def advance(self, increments, i, t, t_end, nav, s, x, P, F, acc, out_next, out, last, rows=0):
-        """Call :func:`propagate`; `out` comes from :meth:`buffers`, and F is tracked if it has rows."""
-        time, nav_rows, x_rows, P_rows, F_rows = out
-        return propagate(
+    def stepper(self, increments, nav, s, x, P, F, acc, last, out) -> partial[tuple[int, float, int, int]]:
+        """:func:`propagate` with all that stays the same from event to event: a function of i, t, t_end, out_next and
+        rows. `out` comes from :meth:`buffers`; F is tracked if it has rows.
+        """
+        space = self._space
+        return partial(
+            propagate,
             increments.time,
             increments.inc_theta_b,
             increments.inc_v_b,
-            i,
-            t,
-            t_end,
             nav,
             s,
             x,
             P,
             F,
             acc,
+            last,
             self.ecef,
-            self._space.inertial,
-            self._space.places,
-            self._space.place,
-            self._space.work,
+            space.inertial,
+            space.places,
+            space.place,
+            space.work,
             self.covariance_period,
             self.output_period,
-            out_next,
-            rows,
-            time,
-            nav_rows,
-            x_rows,
-            P_rows,
-            F_rows,
-            last,
+            *out,
         )
+
+    def advance(self, increments, i, t, t_end, nav, s, x, P, F, acc, out_next, out, last, rows=0):
+        """Call :func:`propagate` once; see :meth:`stepper`."""
+        return self.stepper(increments, nav, s, x, P, F, acc, last, out)(i, t, t_end, out_next, rows)
 
 
 def identity_transition(n: int) -> np.ndarray:

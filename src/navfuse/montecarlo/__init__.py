@@ -13,12 +13,11 @@
 from navfuse.montecarlo.assessment import Assessment, assess
 from navfuse.montecarlo.campaign import Campaign, run_campaign
 from navfuse.montecarlo.output import describe, montecarlo, write_campaign
-from navfuse.montecarlo.recipes import RECIPES, Case, SimulatedRecipe, recipe
-from navfuse.montecarlo.scenario_recipe import ProjectRecipe, ScenarioRecipe, Tampering, recipe_from
+from navfuse.montecarlo.recipes import Case, SimulatedRecipe, Tampering
+from navfuse.montecarlo.scenario_recipe import ProjectRecipe, ScenarioRecipe, recipe_from
 from navfuse.montecarlo.single import RunRecord, run_case
 
 __all__ = [
-    "RECIPES",
     "Assessment",
     "Campaign",
     "Case",
@@ -30,7 +29,6 @@ __all__ = [
     "assess",
     "describe",
     "montecarlo",
-    "recipe",
     "recipe_from",
     "run_campaign",
     "run_case",

@@ -1,7 +1,7 @@
 """What a Monte Carlo run is made of: a recipe gives, for every seed, logs with their truth and the filter to be tested.
 
-A recipe is any picklable callable ``seed -> Case``. :class:`SimulatedRecipe` is the one for motions of
-:mod:`navfuse.simulation`; :data:`RECIPES` names those that the command line offers.
+A recipe is any picklable callable ``seed -> Case``. :class:`SimulatedRecipe` is a quick one for motions of
+:mod:`navfuse.simulation`; those of scenarios and projects are in :mod:`navfuse.montecarlo.scenario_recipe`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ import numpy as np
 
 from navfuse.aiding.base import AidingSensor
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
-from navfuse.data.logs import ImuLog
+from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.start import Start
+from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
 from navfuse.filters.settings import FilterSettings
 from navfuse.imu.error_model import ImuErrorModel
@@ -30,17 +31,17 @@ from navfuse.simulation import (
     add_imu_errors,
     car_drive,
     circle_flight,
-    drawn_start,
     figure_eight_flight,
-    gnss_fixes,
     perfect_imu,
     sample_times,
     static,
 )
+from navfuse.simulation.drawn_start import true_start, wrong_start
+from navfuse.simulation.sensors import antenna_of_fixes, fixes_of_antenna
 
 Array = np.ndarray
 
-_DEG = math.pi / 180.0
+_START_SDS = ("start_sd_position", "start_sd_velocity", "start_sd_attitude_deg")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +71,51 @@ class Case:
 
 
 Recipe = Callable[[int], Case]
+
+
+@dataclass(frozen=True, slots=True)
+class Tampering:
+    """What the filter is told wrongly, to see it found out; the defaults tell the truth.
+
+    Attributes
+    ----------
+    gnss_sd_factor : float
+        The filter is told the sigmas of the fixes times this; sqrt(0.5) halves R.
+    imu_noise_factor : float
+        The filter is told the white noise and random walks of the IMU times this; 0.5 divides Q by four.
+
+    Raises
+    ------
+    ConfigError
+        On construction, for a factor that is not positive and finite.
+    """
+
+    gnss_sd_factor: float = 1.0
+    imu_noise_factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("gnss_sd_factor", "imu_noise_factor"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ConfigError(f"{name} must be positive and finite, not {getattr(self, name)!r}")
+
+    def gnss(self, log: GnssLog) -> GnssLog:
+        """The fixes with the sigmas that the filter is told."""
+        if self.gnss_sd_factor == 1.0:
+            return log
+        sd_velocity = None if log.sd_velocity is None else log.sd_velocity * self.gnss_sd_factor
+        return replace(log, sd_position=log.sd_position * self.gnss_sd_factor, sd_velocity=sd_velocity)
+
+    def imu(self, model: ImuErrorModel) -> ImuErrorModel:
+        """The error model that the filter is told."""
+        k = self.imu_noise_factor
+        if k == 1.0:
+            return model
+        walks = {name: k * model.axes(name) for name in ("gyro_bias_walk", "accel_bias_walk")}
+        return model.replace(arw=k * model.arw, vrw=k * model.vrw, **walks)
+
+
+TRUTHFUL = Tampering()
+"""Nothing told wrongly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +175,11 @@ class SimulatedRecipe:
     imu_noise_factor: float = 1.0
 
     def __post_init__(self) -> None:
+        for name in ("sd_position", "sd_velocity", "lever_arm_b", *_START_SDS):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, tuple(np.asarray(value, dtype=float).tolist()))
+        object.__setattr__(self, "outages_s", tuple((float(a), float(b)) for a, b in self.outages_s))
         if self.name not in MOTIONS:
             raise ConfigError(f"unknown motion {self.name!r}{_nearest(self.name)}")
         imu_grade(self.grade)
@@ -145,38 +196,18 @@ class SimulatedRecipe:
 
     def __call__(self, seed: int) -> Case:
         """The run of a seed: the same numbers whenever and wherever it is called."""
-        motion, ideal, truth = _ideal(self.name, self.duration, self.imu_rate, self.gnss_rate)
-        model = self._model()
+        shared = _shared(self)
         imu_draws, gnss_draws, start_draws = np.random.default_rng(seed).spawn(3)
-        imu, imu_errors = add_imu_errors(ideal, model, imu_draws)
-        gnss = gnss_fixes(motion, self.gnss_rate, self.sd_position, self.sd_velocity, self.lever_arm_b, gnss_draws)
-        told = replace(
-            gnss,
-            sd_position=gnss.sd_position * self.gnss_sd_factor,
-            sd_velocity=None if gnss.sd_velocity is None else gnss.sd_velocity * self.gnss_sd_factor,
-        )
+        imu, imu_errors = add_imu_errors(shared.ideal, shared.model, imu_draws)
+        gnss = fixes_of_antenna(*shared.antenna, gnss_draws)
+        told = Tampering(self.gnss_sd_factor).gnss(gnss)
         lever = np.array(self.lever_arm_b)
         sensors: list[AidingSensor] = [GnssPosition(told, lever, self.outages_s)]
         if told.velocity_n is not None:
             sensors.append(GnssVelocity(told, lever, self.outages_s))
-        settings = FilterSettings(ecef=self.frame == "ecef", output_period=1.0 / self.gnss_rate, checkpoints=True)
-        k = self.imu_noise_factor
-        told_model = model.replace(
-            arw=k * model.arw,
-            vrw=k * model.vrw,
-            gyro_bias_walk=k * model.axes("gyro_bias_walk"),
-            accel_bias_walk=k * model.axes("accel_bias_walk"),
-        )
-        logs = SimulatedLogs(imu, gnss, truth, imu_errors, motion)
-        return Case(logs, self._start(motion, start_draws), told_model, tuple(sensors), settings, self.smooth)
-
-    def _model(self) -> ImuErrorModel:
-        model = imu_grade(self.grade)
-        return model if self.scale_states else model.replace(gyro_scale_sd=0.0, accel_scale_sd=0.0)
-
-    def _start(self, motion: Motion, draws: np.random.Generator) -> Start:
-        sds = (self.start_sd_position, self.start_sd_velocity, np.radians(self.start_sd_attitude_deg))
-        return drawn_start(motion, motion.start, *sds, draws)
+        logs = SimulatedLogs(imu, gnss, shared.truth, imu_errors, shared.motion)
+        start = wrong_start(*shared.start, start_draws)
+        return Case(logs, start, shared.told_model, tuple(sensors), shared.settings, self.smooth)
 
 
 MOTIONS: Mapping[str, Callable[[float], Motion]] = MappingProxyType(
@@ -189,33 +220,44 @@ MOTIONS: Mapping[str, Callable[[float], Motion]] = MappingProxyType(
 )
 """Name -> function of the duration [s]."""
 
-RECIPES: Mapping[str, Callable[..., Recipe]] = MappingProxyType(dict.fromkeys(MOTIONS, SimulatedRecipe))
-"""What ``navfuse montecarlo`` offers: name -> function of the name and settings that gives a recipe."""
-
-
-def recipe(name: str, **settings: Any) -> Recipe:
-    """A recipe by name.
-
-    Parameters
-    ----------
-    name : str
-        Key of :data:`RECIPES`.
-    **settings
-        Attributes of :class:`SimulatedRecipe`.
-
-    Raises
-    ------
-    ConfigError
-        For an unknown name (the nearest is told) or a setting that cannot be.
-    """
-    if name not in RECIPES:
-        raise ConfigError(f"unknown scenario {name!r}{_nearest(name)}")
-    return RECIPES[name](name, **settings)
-
 
 def _nearest(name: str) -> str:
     close = difflib.get_close_matches(name.lower(), MOTIONS, n=1, cutoff=0.4)
     return (f": did you mean {close[0]!r}?" if close else ":") + f" known: {', '.join(MOTIONS)}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shared:
+    """What all runs of a recipe have in common: model of the simulation and of the filter, and everything but draws."""
+
+    motion: Motion
+    ideal: ImuLog
+    truth: Trajectory
+    model: ImuErrorModel
+    told_model: ImuErrorModel
+    settings: FilterSettings
+    antenna: tuple[Array, Array, Array, Array, Array | None]
+    start: tuple[Start, Array]
+
+
+@lru_cache(maxsize=8)
+def _shared(recipe: SimulatedRecipe) -> _Shared:
+    """Made once per process."""
+    motion, ideal, truth = _ideal(recipe.name, recipe.duration, recipe.imu_rate, recipe.gnss_rate)
+    model = imu_grade(recipe.grade)
+    if not recipe.scale_states:
+        model = model.replace(gyro_scale_sd=0.0, accel_scale_sd=0.0)
+    sds = recipe.start_sd_position, recipe.start_sd_velocity, np.radians(recipe.start_sd_attitude_deg)
+    return _Shared(
+        motion,
+        ideal,
+        truth,
+        model,
+        Tampering(imu_noise_factor=recipe.imu_noise_factor).imu(model),
+        FilterSettings(ecef=recipe.frame == "ecef", output_period=1.0 / recipe.gnss_rate, checkpoints=True),
+        antenna_of_fixes(motion, recipe.gnss_rate, recipe.sd_position, recipe.sd_velocity, recipe.lever_arm_b),
+        true_start(motion, motion.start, *sds),
+    )
 
 
 @lru_cache(maxsize=4)

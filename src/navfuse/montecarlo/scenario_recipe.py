@@ -16,10 +16,9 @@ from navfuse.config import Project, load_project
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.errors import ConfigError, InputError
 from navfuse.filters.settings import FilterSettings
-from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.gaps import gap_limit
 from navfuse.imu.increments import to_increments
-from navfuse.montecarlo.recipes import Case, Recipe
+from navfuse.montecarlo.recipes import TRUTHFUL, Case, Recipe, Tampering
 from navfuse.pipeline import filter_settings, gnss_sensors, process, read_logs
 from navfuse.scenario_files import project_tables
 from navfuse.simulation import (
@@ -34,47 +33,6 @@ from navfuse.simulation.scenario import Scenario, StartErrors, load_scenario
 from navfuse.simulation.scenario_run import ScenarioTruth, run_scenario, scenario_truth, section_stream, told_start
 
 Array = np.ndarray
-
-
-@dataclass(frozen=True, slots=True)
-class Tampering:
-    """What the filter is told wrongly, to see it found out; the defaults tell the truth.
-
-    Attributes
-    ----------
-    gnss_sd_factor : float
-        The filter is told the sigmas of the fixes times this; sqrt(0.5) halves R.
-    imu_noise_factor : float
-        The filter is told the white noise and random walks of the IMU times this; 0.5 divides Q by four.
-
-    Raises
-    ------
-    ConfigError
-        On construction, for a factor that is not positive and finite.
-    """
-
-    gnss_sd_factor: float = 1.0
-    imu_noise_factor: float = 1.0
-
-    def __post_init__(self) -> None:
-        for name in ("gnss_sd_factor", "imu_noise_factor"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise ConfigError(f"{name} must be positive and finite, not {getattr(self, name)!r}")
-
-    def gnss(self, log: GnssLog | None) -> GnssLog | None:
-        """The fixes with the sigmas that the filter is told."""
-        if log is None or self.gnss_sd_factor == 1.0:
-            return log
-        sd_velocity = None if log.sd_velocity is None else log.sd_velocity * self.gnss_sd_factor
-        return replace(log, sd_position=log.sd_position * self.gnss_sd_factor, sd_velocity=sd_velocity)
-
-    def imu(self, model: ImuErrorModel) -> ImuErrorModel:
-        """The error model that the filter is told."""
-        k = self.imu_noise_factor
-        if k == 1.0:
-            return model
-        walks = {name: k * model.axes(name) for name in ("gyro_bias_walk", "accel_bias_walk")}
-        return model.replace(arw=k * model.arw, vrw=k * model.vrw, **walks)
 
 
 @dataclass(frozen=True)
@@ -106,7 +64,7 @@ class ScenarioRecipe:
     changes: tuple[tuple[str, str, Any], ...] = ()
     frame: str | None = None
     smooth: bool = False
-    tampering: Tampering = Tampering()
+    tampering: Tampering = TRUTHFUL
 
     def __post_init__(self) -> None:
         scenario, project, _ = self._prepared()
@@ -178,7 +136,7 @@ class ProjectRecipe:
     path: str
     frame: str | None = None
     smooth: bool = False
-    tampering: Tampering = Tampering()
+    tampering: Tampering = TRUTHFUL
 
     def __post_init__(self) -> None:
         _project(self.path)
@@ -215,7 +173,7 @@ def recipe_from(
     changes: tuple[tuple[str, str, Any], ...] = (),
     frame: str | None = None,
     smooth: bool = False,
-    tampering: Tampering = Tampering(),
+    tampering: Tampering = TRUTHFUL,
 ) -> Recipe:
     """The recipe of a scenario or of a project file, whichever it is.
 

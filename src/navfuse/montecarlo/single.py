@@ -21,7 +21,8 @@ from navfuse.data.result import Innovations
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
 from navfuse.filters.ekf import ErrorStateFilter
-from navfuse.filters.record import Checkpoint, collect
+from navfuse.filters.event import split
+from navfuse.filters.record import Checkpoint, collect_innovations
 from navfuse.imu.gaps import gap_limit
 from navfuse.imu.increments import to_increments
 from navfuse.montecarlo.recipes import Case
@@ -128,7 +129,7 @@ def run_case(case: Case, seed: int = 0) -> RunRecord:
         sd,
         nees_of_groups(error, P, groups),
         {name: index.size for name, index in groups.items()},
-        collect([record])[1],
+        collect_innovations([record]),
         smoothed_error,
         smoothed_sd,
         len(increments),
@@ -143,14 +144,14 @@ def _last_of_each_time(checkpoints: list[Checkpoint]) -> Array:
 
 def _errors(case: Case, layout: Layout, checkpoints: list[Checkpoint], time: Array) -> tuple[Array, Array, Array]:
     """Errors (m, n) in the frame of the filter, covariances (m, n, n), and J of :func:`navigation_errors`."""
-    nav = np.array([checkpoint.nav for checkpoint in checkpoints])
-    P = np.array([checkpoint.P for checkpoint in checkpoints])
+    carried = np.array([checkpoint.carried for checkpoint in checkpoints])
+    nav, s, x, P = split(carried)
     truth = _within(case.logs.motion, time)
     error = np.empty((time.size, layout.size))
     error[:, :9], J = navigation_errors(truth.r_e, truth.v_e, truth.q_eb, nav, case.settings.ecef)
-    error[:, 9:] = sensor_truth(layout, case.logs.imu_errors, time) - np.array([c.s for c in checkpoints])
+    error[:, 9:] = sensor_truth(layout, case.logs.imu_errors, time) - s
     if case.settings.open_loop:
-        error -= np.array([checkpoint.x for checkpoint in checkpoints])
+        error -= x
     return error, P, J
 
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from navfuse.simulation.motion import Motion
 
+Array = np.ndarray
+
 
 def drawn_start(
     motion: Motion,
@@ -37,6 +39,13 @@ def drawn_start(
         Roll, pitch, heading.
     rng : numpy Generator
     """
+    return wrong_start(*true_start(motion, time, sd_position, sd_velocity, sd_euler), rng)
+
+
+def true_start(
+    motion: Motion, time: float, sd_position: ArrayLike, sd_velocity: ArrayLike, sd_euler: ArrayLike
+) -> tuple[Start, Array]:
+    """The right start, and a square root (9, 9) of its covariance; parameters as for :func:`drawn_start`."""
     state = motion.at(time)
     nav = to_ned(np.concatenate([state.r_e[0], state.v_e[0], state.q_eb[0]]))
     euler = np.array(euler_from_quat(nav[6:10]))
@@ -47,6 +56,11 @@ def drawn_start(
     for block in (slice(0, 3), slice(3, 6), slice(6, 9)):
         values, vectors = np.linalg.eigh(start.P[block, block])
         root[block, block] = vectors * np.sqrt(np.maximum(values, 0.0))
-    wrong = start.nav.copy()
+    return start, root
+
+
+def wrong_start(right: Start, root: Array, rng: np.random.Generator) -> Start:
+    """The right start with a draw from its covariance, ``root @ root.T``, as its error."""
+    wrong = right.nav.copy()
     boxplus_navigation(wrong, -root @ rng.standard_normal(9), False)
-    return replace(start, nav=wrong)
+    return replace(right, nav=wrong)

@@ -14,6 +14,7 @@ from navfuse.core.rotation import dcm_from_quat_batch
 from navfuse.core.stochastic import gauss_markov_decay, gauss_markov_noise, random_walk_noise
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.errors import ConfigError, InputError
+from navfuse.simulation.imu_error_kernels import SAME_STEP
 from navfuse.simulation.perfect_imu import sample_times
 
 if TYPE_CHECKING:
@@ -53,11 +54,34 @@ class ImuErrorTruth:
 @njit(cache=True, error_model="numpy")
 def _wander(dt, tau, sigma, walk, out):
     """Turn unit normals `out` (n, m) into Gauss-Markov or walking paths in place; they start with deviation `sigma`."""
-    for j in range(out.shape[1]):
+    count = out.shape[1]
+    step, decay, drive = -1.0, 1.0, np.zeros(count)
+    for j in range(count):
         out[0, j] *= sigma[j]
-        for k in range(1, dt.size):
-            drive = gauss_markov_noise(sigma[j], dt[k], tau) + random_walk_noise(walk[j] * walk[j], dt[k])
-            out[k, j] = gauss_markov_decay(dt[k], tau) * out[k - 1, j] + math.sqrt(drive) * out[k, j]
+    for k in range(1, dt.size):
+        if abs(dt[k] - step) > SAME_STEP * dt[k]:
+            step = dt[k]
+            decay = gauss_markov_decay(step, tau)
+            for j in range(count):
+                noise = gauss_markov_noise(sigma[j], step, tau) + random_walk_noise(walk[j] * walk[j], step)
+                drive[j] = math.sqrt(noise)
+        for j in range(count):
+            out[k, j] = decay * out[k - 1, j] + drive[j] * out[k, j]
+
+
+@njit(cache=True, error_model="numpy")
+def _add_to_truth(values, bias, scale, cross, gain, white, out):
+    """Turn unit normals `out` (n, 3) into ``values + (scale + cross) values + bias gain + white out``, in place.
+
+    `bias` and `scale` have a row for each sample or one for all. No checks are made.
+    """
+    for k in range(values.shape[0]):
+        x, y, z = values[k, 0], values[k, 1], values[k, 2]
+        b = bias[k if bias.shape[0] > 1 else 0]
+        s = scale[k if scale.shape[0] > 1 else 0]
+        for i in range(3):
+            coupled = cross[i, 0] * x + cross[i, 1] * y + cross[i, 2] * z
+            out[k, i] = white[k] * out[k, i] + values[k, i] + s[i] * values[k, i] + coupled + b[i] * gain[k]
 
 
 def gauss_markov(
@@ -135,16 +159,17 @@ def add_imu_errors(log: ImuLog, model: ImuErrorModel, rng: np.random.Generator) 
         cross = getattr(model, f"{sensor}_cross_sd") * streams[offset + 2].standard_normal((3, 3))
         np.fill_diagonal(cross, 0.0)
         out = streams[offset + 3].standard_normal(values.shape)
-        out *= (white * per_noise)[:, None]
-        out += values
-        out += scale * values
-        if cross.any():
-            out += values @ cross.T
-        out += bias * gain[:, None]
+        parts = _rows(bias), _rows(scale), cross
+        _add_to_truth(np.ascontiguousarray(values), *parts, gain, white * per_noise, out)
         measured[sensor] = out
         drawn |= {f"{sensor}_bias": bias, f"{sensor}_scale": scale, f"{sensor}_cross": cross}
     noisy = ImuLog(log.time, measured["gyro"], measured["accel"], log.kind, log.source, log.notes)
     return noisy, ImuErrorTruth(log.time, **drawn)
+
+
+def _rows(path: Array) -> Array:
+    """A path, or the one row that it repeats, contiguous and writable."""
+    return path if path.strides[0] else path[:1].copy()
 
 
 def antenna_state(motion: Motion, time: ArrayLike, lever_arm_b: ArrayLike) -> tuple[Array, Array]:
@@ -208,6 +233,20 @@ def gnss_fixes(
     InputError
         When the motion is too short for one fix.
     """
+    return fixes_of_antenna(*antenna_of_fixes(motion, rate, sd_position, sd_velocity, lever_arm_b, offset), rng)
+
+
+def antenna_of_fixes(
+    motion: Motion,
+    rate: float,
+    sd_position: ArrayLike,
+    sd_velocity: ArrayLike | None,
+    lever_arm_b: ArrayLike,
+    offset: float = 0.0,
+) -> tuple[Array, Array, Array, Array, Array | None]:
+    """The part of :func:`gnss_fixes` that no draw changes, checked: times, positions and velocities of the antenna in
+    e, and both deviations (3,).
+    """
     sd_r = _positive("sd_position", sd_position)
     sd_v = None if sd_velocity is None else _positive("sd_velocity", sd_velocity)
     if not offset >= 0.0:
@@ -217,15 +256,7 @@ def gnss_fixes(
         raise InputError(
             f"the motion ends at {motion.end:g} s, before the first GNSS fix at {motion.start + offset:g} s"
         )
-    each = (time.size, 3)
-    return _fixes(
-        motion,
-        time,
-        np.broadcast_to(sd_r, each).copy(),
-        None if sd_v is None else np.broadcast_to(sd_v, each).copy(),
-        lever_arm_b,
-        rng,
-    )
+    return time, *antenna_state(motion, time, lever_arm_b), sd_r, sd_v
 
 
 def noisy_fixes(motion: Motion, like: GnssLog, lever_arm_b: ArrayLike, rng: np.random.Generator) -> GnssLog:
@@ -246,32 +277,41 @@ def noisy_fixes(motion: Motion, like: GnssLog, lever_arm_b: ArrayLike, rng: np.r
     InputError
         For a fix outside the time of the motion.
     """
-    log = _fixes(motion, like.time, like.sd_position, like.sd_velocity, lever_arm_b, rng)
+    log = fixes_of_antenna(
+        like.time, *antenna_state(motion, like.time, lever_arm_b), like.sd_position, like.sd_velocity, rng
+    )
     if log.velocity_n is not None and like.velocity_n is not None:
         log.velocity_n[np.isnan(like.velocity_n).any(axis=1)] = np.nan
     return log
 
 
-def _fixes(
-    motion: Motion,
-    time: Array,
-    sd_position: Array,
-    sd_velocity: Array | None,
-    lever_arm_b: ArrayLike,
-    rng: np.random.Generator | None,
+def fixes_of_antenna(
+    time: Array, r_e: Array, v_e: Array, sd_r: Array, sd_v: Array | None, rng: np.random.Generator | None
 ) -> GnssLog:
-    r_e, v_e = antenna_state(motion, time, lever_arm_b)
+    """The part of :func:`gnss_fixes` that is drawn, for an antenna at `r_e` (n, 3) [m] with velocity `v_e` (n, 3)
+    [m/s]; `sd_r` and `sd_v` are (3,) or (n, 3). No checks are made.
+    """
     position_draws, velocity_draws = rng.spawn(2) if rng is not None else (None, None)
     if position_draws is not None:
         lat, lon, _ = ecef_to_geodetic_batch(r_e)
-        r_e = r_e + _from_local(lat, lon, sd_position * position_draws.standard_normal((time.size, 3)))
+        r_e = r_e + _from_local(lat, lon, sd_r * position_draws.standard_normal((time.size, 3)))
     lat, lon, height = ecef_to_geodetic_batch(r_e)
     velocity_n = None
-    if sd_velocity is not None:
+    if sd_v is not None:
         velocity_n = np.einsum("kji,kj->ki", _local_axes(lat, lon), v_e)
         if velocity_draws is not None:
-            velocity_n = velocity_n + sd_velocity * velocity_draws.standard_normal((time.size, 3))
-    return GnssLog(time, lat, lon, height, sd_position, velocity_n, sd_velocity, source="simulation")
+            velocity_n = velocity_n + sd_v * velocity_draws.standard_normal((time.size, 3))
+    each = (time.size, 3)
+    return GnssLog(
+        time,
+        lat,
+        lon,
+        height,
+        np.broadcast_to(sd_r, each).copy(),
+        velocity_n,
+        None if sd_v is None else np.broadcast_to(sd_v, each).copy(),
+        source="simulation",
+    )
 
 
 def _positive(name: str, value: ArrayLike) -> Array:

@@ -29,6 +29,7 @@ from navfuse.data.nav_state import describe_rows
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
 from navfuse.filters.ekf import ErrorStateFilter
+from navfuse.filters.event import parts, split
 from navfuse.filters.record import Checkpoint, trajectory_from_rows
 from navfuse.imu.increments import ImuIncrements
 from navfuse.mechanization.propagate import TIME_TOLERANCE, identity_transition
@@ -126,11 +127,16 @@ def _uncorrelate_direction(held, P):
 
 
 @fused
-def _back_across_update(H, K, Sinv, z, dpsi, lam, Lam, work):
-    """Carry the adjoint from after a measurement update to before it. No checks are made."""
+def _back_across_update(numbers, d, turned, lam, Lam, work):
+    """Carry the adjoint from after a measurement update to before it.
+
+    `numbers` is what :func:`navfuse.filters.event.take` left behind of the d values; `turned` tells whether the
+    estimate was corrected. No checks are made.
+    """
     n = lam.size
-    d = z.size
-    hx, hy, hz = 0.5 * dpsi[0], 0.5 * dpsi[1], 0.5 * dpsi[2]
+    z, _, Sinv, H, K, dx = parts(numbers, d, n)
+    half = 0.5 if turned else 0.0
+    hx, hy, hz = half * dx[6], half * dx[7], half * dx[8]
     a, b, c = lam[6], lam[7], lam[8]
     lam[6], lam[7], lam[8] = a - hy * c + hz * b, b - hz * a + hx * c, c - hx * b + hy * a
     for i in range(n):
@@ -244,15 +250,14 @@ def smooth(
             progress(k / len(boundaries))
         _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, tiles, pool, times, pieces)
         value, sd = np.empty(n - 9), np.empty(n - 9)
-        _smooth_states(checkpoint.s, checkpoint.x, checkpoint.P, lam, Lam, value, sd)
+        _, s, x, P = checkpoint.parts
+        _smooth_states(s, x, P, lam, Lam, value, sd)
         value_times.append(checkpoint.time)
         values.append(value)
         deviations.append(sd)
         _drop_direction(checkpoint.held, lam, Lam)
         for update in reversed(checkpoint.updates):
-            _back_across_update(
-                update.H, update.K, update.Sinv, update.z, update.dpsi * (not settings.open_loop), lam, Lam, work
-            )
+            _back_across_update(update.numbers, update.size, not settings.open_loop, lam, Lam, work)
         _drop_direction(checkpoint.held, lam, Lam)
     if progress is not None:
         progress(1.0)
@@ -273,7 +278,7 @@ def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, tile
     out_next, at_checkpoint = _outputs_from(checkpoint.time, period, increments)
     runs: list[int] = []
     propagator = filter_.propagator
-    nav, s, x, P = checkpoint.nav.copy(), checkpoint.s.copy(), checkpoint.x.copy(), checkpoint.P.copy()
+    nav, s, x, P = split(checkpoint.carried.copy())
     F, last = identity_transition(n), np.zeros(6)
     acc = propagator.accumulator() if checkpoint.acc is None else checkpoint.acc.copy()
     capacity = 0 if period < 0 else CHUNK_ROWS
@@ -304,8 +309,9 @@ def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, tile
 
 def _smoothed_row(checkpoint: Checkpoint, lam: Array, Lam: Array, work: Array, ecef: bool) -> Array:
     x_s, P_s, out = np.empty((1, 9)), np.empty((1, 9, 9)), np.empty((1, 18))
-    _smooth_rows(checkpoint.x[None], checkpoint.P[None, :9], lam, Lam, 0, x_s, P_s, work)
-    describe_rows(checkpoint.nav[None], x_s, P_s, ecef, out)
+    nav, _, x, P = checkpoint.parts
+    _smooth_rows(x[None], P[None, :9], lam, Lam, 0, x_s, P_s, work)
+    describe_rows(nav[None], x_s, P_s, ecef, out)
     return out[0]
 
 
