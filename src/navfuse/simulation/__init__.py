@@ -12,15 +12,28 @@
     Motion                                                   -> GnssLog         (sensors.gnss_fixes)
     perfect ImuLog, ImuSensorModel                           -> ImuLog, errors  (measured_imu.measure_imu)
     Motion, GnssReceiverModel                                -> GnssLog, errors (measured_gnss.measure_gnss)
+    Motion, OdometerModel                                    -> OdometerLog, errors  (odometer)
+    Motion, WheelSpeedModel                                  -> WheelSpeedLog, errors  (wheel_speeds)
+    Motion, MagnetometerModel                                -> MagnetometerLog, errors  (magnetometer)
+    Motion, HeadingModel                                     -> HeadingLog, errors  (heading_sensor)
+    Motion, BarometerModel                                   -> BarometerLog, errors  (barometer)
+    Motion, BodyVelocityModel                                -> BodyVelocityLog, errors  (body_velocity)
+    Motion, UwbModel                                         -> UwbLog, errors  (uwb)
     all of it                                                -> SimulatedLogs   (simulate)
 """
 
+from navfuse.simulation.barometer import BarometerModel, BarometerTruth, measure_barometer
+from navfuse.simulation.body_velocity import BodyVelocityModel, BodyVelocityTruth, measure_body_velocity
+from navfuse.simulation.earth_magnetism import magnetic_field_along, magnetic_field_n
 from navfuse.simulation.gnss_errors import FixType, GnssReceiverModel
+from navfuse.simulation.heading_sensor import HeadingModel, HeadingTruth, measure_heading
 from navfuse.simulation.imu_errors import ImuSensorModel
 from navfuse.simulation.logs import SimulatedLogs, simulate
+from navfuse.simulation.magnetometer import MagnetometerModel, MagnetometerTruth, measure_magnetometer
 from navfuse.simulation.measured_gnss import GnssTruth, measure_gnss
 from navfuse.simulation.measured_imu import ImuSensorTruth, measure_imu
 from navfuse.simulation.motion import Motion, MotionState
+from navfuse.simulation.odometer import OdometerModel, OdometerTruth, measure_odometer
 from navfuse.simulation.perfect_imu import perfect_imu, sample_times
 from navfuse.simulation.route import Vehicle
 from navfuse.simulation.rules import VEHICLES, aircraft, boat, car, drone, pedestrian
@@ -39,30 +52,48 @@ from navfuse.simulation.sensors import ImuErrorTruth, add_imu_errors, antenna_st
 from navfuse.simulation.table import TableMove, rotating_table
 from navfuse.simulation.track import follow_track, track_residuals
 from navfuse.simulation.track_files import read_track
+from navfuse.simulation.uwb import UwbAnchor, UwbModel, UwbTruth, measure_uwb
 from navfuse.simulation.vehicles import car_drive, circle_flight, figure_eight_flight, static
 from navfuse.simulation.waypoints import Waypoint, follow_waypoints, local_waypoints
+from navfuse.simulation.wheel_speeds import Wheel, WheelSpeedModel, WheelSpeedTruth, measure_wheel_speeds
 
 __all__ = [
     "VEHICLES",
     "Accelerate",
+    "BarometerModel",
+    "BarometerTruth",
+    "BodyVelocityModel",
+    "BodyVelocityTruth",
     "Climb",
     "FigureEight",
     "FixType",
     "GnssReceiverModel",
     "GnssTruth",
+    "HeadingModel",
+    "HeadingTruth",
     "Hold",
     "ImuErrorTruth",
     "ImuSensorModel",
     "ImuSensorTruth",
+    "MagnetometerModel",
+    "MagnetometerTruth",
     "Motion",
     "MotionState",
+    "OdometerModel",
+    "OdometerTruth",
     "STurns",
     "SimulatedLogs",
     "Stop",
     "TableMove",
     "Turn",
+    "UwbAnchor",
+    "UwbModel",
+    "UwbTruth",
     "Vehicle",
     "Waypoint",
+    "Wheel",
+    "WheelSpeedModel",
+    "WheelSpeedTruth",
     "add_imu_errors",
     "aircraft",
     "antenna_state",
@@ -78,8 +109,17 @@ __all__ = [
     "gauss_markov",
     "gnss_fixes",
     "local_waypoints",
+    "magnetic_field_along",
+    "magnetic_field_n",
+    "measure_barometer",
+    "measure_body_velocity",
     "measure_gnss",
+    "measure_heading",
     "measure_imu",
+    "measure_magnetometer",
+    "measure_odometer",
+    "measure_uwb",
+    "measure_wheel_speeds",
     "pedestrian",
     "perfect_imu",
     "read_track",
