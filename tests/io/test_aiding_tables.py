@@ -1,7 +1,11 @@
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from navfuse.data.aiding_logs import (
     BarometerLog,
@@ -356,3 +360,26 @@ def test_anchors_need_their_columns(write):
 def test_only_tables_are_written(tmp_path):
     with pytest.raises(OutputError, match=r"cannot write a table as '.txt'"):
         write_aiding(tmp_path / "log.txt", LOGS["odometer"][0])
+
+
+def test_a_wheel_in_two_units_is_refused(write):
+    with pytest.raises(InputError, match="'wheel_fl_mps' and 'wheel_fl_kmh' hold the same quantity"):
+        read_wheel_speeds(write({"time_s": TIME, "wheel_fl_mps": SWING, "wheel_fl_kmh": 3.6 * SWING}))
+
+
+@given(
+    st.lists(st.floats(-1e4, 1e4, allow_subnormal=False), min_size=1, max_size=30),
+    st.sampled_from(["csv", "parquet"]),
+)
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_heading_comes_back_within_a_turn(tmp_path, degrees, extension):
+    time = np.arange(float(len(degrees)))
+    path = tmp_path / f"heading.{extension}"
+    write_aiding(path, HeadingLog(time, np.radians(degrees)))
+    with warnings.catch_warnings(record=True):
+        warnings.simplefilter("always")
+        back = read_heading(path)
+    assert np.all((back.heading >= 0.0) & (back.heading < 2.0 * np.pi))
+    turned = np.exp(1j * back.heading) / np.exp(1j * np.radians(degrees))
+    np.testing.assert_allclose(turned, 1.0, atol=1e-11)
+    np.testing.assert_array_equal(back.time, time)

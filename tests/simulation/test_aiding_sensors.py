@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -135,3 +136,12 @@ def test_a_key_is_converted():
     assert model.pressure_walk == pytest.approx(1.0)
     assert model.dynamic_pressure_factor == pytest.approx(0.05)
     assert model.replace_datasheet(pressure_sd_pa=1.0).pressure_walk == model.pressure_walk
+
+
+@EACH
+def test_every_field_has_a_key_in_the_manual(name):
+    page = (Path(__file__).parents[2] / "docs" / "how-real.md").read_text(encoding="utf-8")
+    Model = SENSORS[name][0]
+    documented = {field for key, (field, _) in Model.UNITS.items() if f"`{key}`" in page}
+    documented |= {word for word in Model.WORDS if f"`{word}" in page}
+    assert documented == {field.name for field in dataclasses.fields(Model)}

@@ -10,11 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from navfuse.core.earth import geodetic_to_ecef_batch
 from navfuse.errors import ConfigError, InputError
+from navfuse.io.earth_magnetism import magnetic_field_along, magnetic_field_n
 from navfuse.simulation import (
     MagnetometerModel,
     circle_flight,
-    magnetic_field_along,
-    magnetic_field_n,
     measure_magnetometer,
     static,
 )

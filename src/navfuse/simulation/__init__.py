@@ -24,7 +24,6 @@
 
 from navfuse.simulation.barometer import BarometerModel, BarometerTruth, measure_barometer
 from navfuse.simulation.body_velocity import BodyVelocityModel, BodyVelocityTruth, measure_body_velocity
-from navfuse.simulation.earth_magnetism import magnetic_field_along, magnetic_field_n
 from navfuse.simulation.gnss_errors import FixType, GnssReceiverModel
 from navfuse.simulation.heading_sensor import HeadingModel, HeadingTruth, measure_heading
 from navfuse.simulation.imu_errors import ImuSensorModel
@@ -109,8 +108,6 @@ __all__ = [
     "gauss_markov",
     "gnss_fixes",
     "local_waypoints",
-    "magnetic_field_along",
-    "magnetic_field_n",
     "measure_barometer",
     "measure_body_velocity",
     "measure_gnss",

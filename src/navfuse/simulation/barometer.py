@@ -74,8 +74,8 @@ class BarometerModel(SampledSensor):
         Given offset, and standard deviation of the part drawn once per run. Typical: 50 Pa (Bosch BMP390 data sheet,
         absolute accuracy).
     pressure_sd : float [Pa]
-        White noise. Typical: 0.02 Pa at the slowest setting to a few Pa (Bosch BMP390 data sheet); gusts and doors make
-        more.
+        White noise. Typical: 0.02 Pa at the slowest setting (Bosch BMP390 data sheet); gusts and doors make it a few
+        (our estimate).
     pressure_lsb, height_lsb : float [Pa], [m]
         Steps of rounding. Typical: 0.016 Pa (Bosch BMP390 data sheet, finest).
     dynamic_pressure_factor : float [1]

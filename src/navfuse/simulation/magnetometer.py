@@ -10,6 +10,7 @@ import numpy as np
 from navfuse.core.rotation import dcm_from_quat_batch
 from navfuse.data.aiding_logs import MagnetometerLog
 from navfuse.errors import ConfigError
+from navfuse.io.earth_magnetism import magnetic_field_along
 from navfuse.simulation.datasheet import (
     any_number,
     frozen,
@@ -20,7 +21,6 @@ from navfuse.simulation.datasheet import (
     three_sizes,
     windows,
 )
-from navfuse.simulation.earth_magnetism import magnetic_field_along
 from navfuse.simulation.sampled_sensor import (
     SAMPLING_UNITS,
     SampledSensor,

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numba import njit
 
-from navfuse.core.earth import ecef_to_geodetic_batch
+from navfuse.core.earth import dcm_en, ecef_to_geodetic_batch
+from navfuse.core.rotation import mat_vec
 from navfuse.errors import ConfigError, InputError
-from navfuse.simulation.sensors import _local_axes
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -119,7 +119,16 @@ def _cells(r_e: Array, reach: float) -> tuple[Array, Array]:
 
 def _field_e(r_e: Array, year: float) -> Array:
     lat, lon, height = ecef_to_geodetic_batch(np.ascontiguousarray(r_e))
-    return np.einsum("kij,kj->ki", _local_axes(lat, lon), magnetic_field_n(lat, lon, height, year))
+    field = magnetic_field_n(lat, lon, height, year)
+    _turn_to_e(lat, lon, field)
+    return field
+
+
+@njit(cache=True, error_model="numpy")
+def _turn_to_e(lat, lon, vectors):
+    """Turn vectors (n, 3) from north-east-down of their places to e, in place."""
+    for k in range(lat.size):
+        vectors[k] = mat_vec(dcm_en(lat[k], lon[k]), vectors[k])
 
 
 def _world_magnetic_model(year: float) -> Any:
