@@ -383,3 +383,9 @@ def test_any_heading_comes_back_within_a_turn(tmp_path, degrees, extension):
     turned = np.exp(1j * back.heading) / np.exp(1j * np.radians(degrees))
     np.testing.assert_allclose(turned, 1.0, atol=1e-11)
     np.testing.assert_array_equal(back.time, time)
+
+
+def test_rows_are_named_as_in_the_file_though_others_were_left_out(write):
+    speed, sd = np.where(np.arange(N) == 3, np.nan, SWING), np.where(np.arange(N) == 20, 0.0, 0.1)
+    with pytest.raises(InputError, match=r"row 21 \(line 22\), column 'sd_speed_mps': 0 is no standard deviation"):
+        read_odometer(write({"time_s": TIME, "speed_mps": speed, "sd_speed_mps": sd}))

@@ -105,6 +105,15 @@ def test_three_beams_are_enough_and_two_are_not():
     assert log.sd_velocity[echoes == 3].min(axis=0)[0] > log.sd_velocity[echoes == 4].max(axis=0)[0]
 
 
+def test_sigmas_are_those_of_the_beams_that_found_an_echo():
+    keys = {"beam_angle_deg": 30.0, "beam_azimuth_deg": 17.0}
+    log, truth = measure(static(400.0), rate_hz=1.0, beam_sd_mps=0.02, beam_dropped_percent=20.0, **keys)
+    beams = BodyVelocityModel.from_datasheet(**keys).beams_b
+    normal = [np.linalg.inv(beams[used].T @ beams[used]) for used in truth.beams]
+    np.testing.assert_allclose(log.sd_velocity, 0.02 * np.sqrt([np.diag(matrix) for matrix in normal]))
+    assert len(np.unique(truth.beams, axis=0)) == 5
+
+
 def test_outages_and_losses_leave_no_rows():
     log, truth = measure(static(4000.0), rate_hz=1.0, outages_s=[[10.0, 20.0], [15.0, 30.0]], latency_s=2.0)
     hidden = np.setdiff1d(np.arange(4001.0), truth.true_time)

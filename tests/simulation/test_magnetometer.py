@@ -121,7 +121,7 @@ def test_without_errors_it_is_the_field_turned_into_the_body(field):
 def test_the_log_is_made_of_the_stated_parts_and_rounded():
     motion = sway()
     steel = {"disturbances_s": [[10.0, 20.0], [15.0, 30.0]], "disturbance_ut": [[10.0, 0.0, 0.0], [0.0, 0.0, -5.0]]}
-    iron = {"hard_iron_ut": (5.0, -3.0, 8.0), "soft_iron": [[1.05, 0.02, 0.0], [0.02, 0.97, 0.01], [0.0, 0.01, 1.0]]}
+    iron = {"hard_iron_ut": (5.0, -3.0, 8.0), "soft_iron": [[1.05, 0.02, 0.0], [-0.03, 0.97, 0.01], [0.04, 0.0, 1.0]]}
     sensor = {"scale_sd_percent": 1.0, "misalignment_sd_deg": 1.0, "field_sd_nt": 100.0, "field_lsb_nt": 300.0}
     log, truth = measure(motion, **steel, **iron, **sensor)
     np.testing.assert_array_equal(truth.soft_iron, iron["soft_iron"])
