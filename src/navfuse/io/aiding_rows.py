@@ -53,7 +53,7 @@ class AidingRows:
         """Column name in the file."""
         return self.match.column[base]
 
-    def triad(self, bases: Sequence[str]) -> Array:
+    def side_by_side(self, bases: Sequence[str]) -> Array:
         """Columns side by side, NaN where the file has none."""
         absent = np.full(self.time.size, np.nan)
         return np.column_stack([self.values.get(base, absent) for base in bases])

@@ -117,7 +117,7 @@ def read_wheel_speeds(path: Path, *, time_offset_s: float = 0.0) -> WheelSpeedLo
     bases = [wheel.base for wheel in wheels]
     rows = ordered_rows(usable_rows(read_rows(table, match, time_offset_s), bases, every=False))
     names = tuple(base.removeprefix("wheel_") for base in bases)
-    return _warned(WheelSpeedLog(rows.time, names, rows.triad(bases), *_provenance(rows)))
+    return _warned(WheelSpeedLog(rows.time, names, rows.side_by_side(bases), *_provenance(rows)))
 
 
 def read_heading(path: Path, *, time_offset_s: float = 0.0) -> HeadingLog:
@@ -146,7 +146,7 @@ def read_magnetometer(path: Path, *, time_offset_s: float = 0.0) -> Magnetometer
     rows = _read(path, (TIME, *_MAG), (), "a magnetometer table", time_offset_s)
     bases = [field.base for field in _MAG]
     rows = ordered_rows(usable_rows(rows, bases))
-    field_b = rows.triad(bases)
+    field_b = rows.side_by_side(bases)
     _check_median(rows, np.linalg.norm(field_b, axis=1), "mag_x", _EARTH_FIELD, 1e6, "uT", "field of the Earth")
     return _warned(MagnetometerLog(rows.time, field_b, *_provenance(rows)))
 
@@ -182,7 +182,7 @@ def read_body_velocity(path: Path, *, time_offset_s: float = 0.0) -> BodyVelocit
     if not measured:
         require(match, _V[:1], "a table of body velocities")
     rows = ordered_rows(usable_rows(read_rows(table, match, time_offset_s), measured, every=False))
-    velocity_b = rows.triad([field.base for field in _V])
+    velocity_b = rows.side_by_side([field.base for field in _V])
     sd = None
     if any(match.has([field.base]) for field in _SD_V):
         wanted = [field for field in _SD_V if field.base.removeprefix("sd_") in measured]
@@ -190,7 +190,7 @@ def read_body_velocity(path: Path, *, time_offset_s: float = 0.0) -> BodyVelocit
         given = np.isfinite(velocity_b)
         for k, field in enumerate(_SD_V):
             standard_deviation(rows, field.base, given[:, k])
-        sd = np.where(given, rows.triad([field.base for field in _SD_V]), np.nan)
+        sd = np.where(given, rows.side_by_side([field.base for field in _SD_V]), np.nan)
     return _warned(BodyVelocityLog(rows.time, velocity_b, sd, *_provenance(rows)))
 
 

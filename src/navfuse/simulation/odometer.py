@@ -146,6 +146,7 @@ class OdometerTruth:
         Without errors.
     scale : float [1]
     slip : (n,) array [1]
+        At the time of the row, also where it is a mean over an interval.
     noise : (n,) array [m/s]
     """
 
