@@ -14,13 +14,15 @@ import pytest
 import navfuse
 from navfuse.analysis.metrics import compare
 from navfuse.config import Project, load_project
-from navfuse.errors import ConfigError, OutputError
+from navfuse.errors import ConfigError, InputError, OutputError
+from navfuse.io import aiding_tables
 from navfuse.io.gnss_table import read_gnss
 from navfuse.io.imu_table import read_imu
+from navfuse.io.raw_gnss_table import read_raw_gnss
 from navfuse.io.tables import open_table
 from navfuse.io.trajectory_table import read_trajectory
 from navfuse.scenario_files import describe, project_tables, simulate_scenario, write_scenario
-from navfuse.simulation.scenario import load_scenario, read_scenario, scenario_names
+from navfuse.simulation.scenario import SENSORS, load_scenario, read_scenario, scenario_names
 from navfuse.simulation.scenario_run import run_scenario
 
 SHORT = {"": {"duration_s": 40.0}}
@@ -33,7 +35,7 @@ def digests(folder):
 def test_what_is_written_is_what_was_simulated(tmp_path):
     logs = simulate_scenario(load_scenario("city-car", SHORT), tmp_path / "out", 3)
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "imu.parquet", "gnss.csv", "truth.parquet", "project.toml",
+        "imu.parquet", "gnss.csv", "odometer.csv", "truth.parquet", "project.toml",
     }  # fmt: skip
     imu, gnss = read_imu(tmp_path / "out" / "imu.parquet"), read_gnss(tmp_path / "out" / "gnss.csv")
     assert (imu.kind, imu.time.size) == ("increments", 4001)
@@ -90,6 +92,68 @@ def test_the_same_seed_gives_the_same_bytes_on_any_number_of_cores(tmp_path):
     assert digests(tmp_path / "other")["imu.parquet"] != found[0]["imu.parquet"]
 
 
+READERS = {
+    "pseudoranges": read_raw_gnss,
+    "odometer": aiding_tables.read_odometer,
+    "wheel_speeds": aiding_tables.read_wheel_speeds,
+    "magnetometer": aiding_tables.read_magnetometer,
+    "heading": aiding_tables.read_heading,
+    "barometer": aiding_tables.read_barometer,
+    "body_velocity": aiding_tables.read_body_velocity,
+    "uwb": aiding_tables.read_uwb,
+}
+UWB = {
+    "rate_hz": 10.0,
+    "range_sd_m": 0.1,
+    "anchors": [
+        {"name": "mast", "lat_deg": 59.901, "lon_deg": 10.651, "height_m": 60.0},
+        {"name": "pier", "lat_deg": 59.899, "lon_deg": 10.649, "height_m": 42.0},
+    ],
+}
+
+
+def test_every_aiding_sensor_is_read_back_as_it_was_simulated(tmp_path):
+    seen = set()
+    for name, more in (("lawnmower", {}), ("drone", {}), ("boat", {"uwb": UWB}), ("city-car", {})):
+        logs = simulate_scenario(load_scenario(name, {"": {"duration_s": 30.0}} | more), tmp_path / name, 3)
+        for section, (log, _) in logs.sensors.items():
+            seen.add(section)
+            again = READERS[section](tmp_path / name / SENSORS[section].file)
+            assert again.time == pytest.approx(log.time, abs=1e-9)
+            for column, values in log.columns().items():
+                found = np.asarray(again.columns()[column])
+                if found.dtype.kind == "f":
+                    assert found == pytest.approx(np.asarray(values), rel=1e-12, nan_ok=True), (section, column)
+                else:
+                    assert np.array_equal(found, values), (section, column)
+    assert seen == set(SENSORS)
+    assert set(aiding_tables.read_uwb_anchors(tmp_path / "boat" / "anchors.csv").name) == {"mast", "pier"}
+
+
+def test_pseudoranges_are_those_of_the_antenna_and_almanacs_lie_beside_the_scenario(tmp_path):
+    quiet = {"rate_hz": 1.0, "code_sd_m": 0.0, "clock_offset_m": 0.0}
+    motion = {"vehicle": "static", "duration_s": 5.0, "height_m": 10.0}
+    data = {"motion": motion, "imu": {"rate_hz": 20.0}, "gnss": {"position_sd_m": 1.0}, "pseudoranges": quiet}
+    at_imu = run_scenario(read_scenario(data, "x")).sensors["pseudoranges"][0].pseudorange
+    data["gnss"]["lever_arm_m"] = [0.0, 0.0, -100.0]
+    above = run_scenario(read_scenario(data, "x")).sensors["pseudoranges"][0]
+    rise = at_imu - above.pseudorange
+    assert rise == pytest.approx(100.0 * np.sin(above.elevation), abs=0.05)
+    data["pseudoranges"] = quiet | {"lever_arm_m": [0.0, 0.0, 0.0]}
+    assert np.array_equal(run_scenario(read_scenario(data, "x")).sensors["pseudoranges"][0].pseudorange, at_imu)
+    data["pseudoranges"] = quiet | {"constellation": "sky.yuma"}
+    with pytest.raises((ConfigError, InputError), match="sky.yuma"):
+        read_scenario(data, "x", folder=tmp_path)
+
+
+def test_a_hidden_sky_is_one_message(tmp_path):
+    hidden = [{"azimuth_from_deg": 0.0, "azimuth_to_deg": 360.0, "elevation_below_deg": 90.0}]
+    scenario = load_scenario("urban-canyon", {"": {"duration_s": 20.0}, "pseudoranges": {"sectors": hidden}})
+    with pytest.raises(InputError, match=r"urban-canyon: \[pseudoranges\]: "):
+        simulate_scenario(scenario, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_nineteen_columns(tmp_path):
     logs = simulate_scenario(load_scenario("aircraft-1hz", {"": {"duration_s": 100.0}}), tmp_path)
     table = open_table(tmp_path / "aircraft.csv")
@@ -130,6 +194,7 @@ def test_logs_of_an_earlier_scenario_go_and_other_files_stay(tmp_path):
     (tmp_path / "odometer.csv").write_text("old")
     simulate_scenario(load_scenario("static", {"": {"duration_s": 5.0}}), tmp_path)
     assert (tmp_path / "notes.txt").read_text() == "mine"
+    assert not (tmp_path / "odometer.csv").exists()
     assert tomllib.loads((tmp_path / "project.toml").read_text())["start"]["sd_attitude_deg"] == pytest.approx(
         [0.2, 0.2, 1.0]
     )

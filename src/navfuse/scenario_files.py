@@ -17,6 +17,7 @@ from navfuse.core.rotation import euler_from_quat
 from navfuse.data.start import Start
 from navfuse.errors import ConfigError
 from navfuse.imu.error_model import DATASHEET_UNITS
+from navfuse.io.aiding_tables import write_aiding
 from navfuse.io.atomic import atomic_folder
 from navfuse.io.log_tables import write_gnss, write_imu
 from navfuse.io.tables import write_table
@@ -29,8 +30,9 @@ Progress = Callable[[str, float], None]
 _NOUGHT = np.zeros(3)
 _ANYWHERE = Start.from_parts(0.0, _NOUGHT, _NOUGHT, _NOUGHT, _NOUGHT, _NOUGHT, _NOUGHT)
 
+UWB, ANCHORS_FILE = "uwb", "anchors.csv"
 IMU_FILE, GNSS_FILE, TRUTH_FILE, PROJECT_FILE = "imu.parquet", "gnss.csv", "truth.parquet", "project.toml"
-_OWN_FILES = (IMU_FILE, GNSS_FILE, TRUTH_FILE, PROJECT_FILE)
+_OWN_FILES = (IMU_FILE, GNSS_FILE, TRUTH_FILE, PROJECT_FILE, ANCHORS_FILE)
 
 
 def simulate_scenario(
@@ -94,6 +96,8 @@ def write_scenario(folder: Path, logs: ScenarioLogs) -> None:
         write_gnss(folder / GNSS_FILE, logs.gnss)
     for section, (log, _) in logs.sensors.items():
         write_table(folder / SENSORS[section].file, log.columns())
+    if UWB in logs.scenario.sensors:
+        write_aiding(folder / ANCHORS_FILE, logs.scenario.sensors[UWB][0].anchor_table())
     write_trajectory(folder / TRUTH_FILE, logs.truth.trajectory)
     if logs.scenario.one_table:
         write_table(folder / logs.scenario.one_table, nineteen_columns(logs))

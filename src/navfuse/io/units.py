@@ -53,8 +53,20 @@ UNITS: dict[str, dict[str, float]] = {
         "ftps": _FOOT,
     },
     "carrier to noise density": {"dbhz": 1.0},
+    "magnetic field": {"t": 1.0, "mt": 1e-3, "ut": 1e-6, "nt": 1e-9, "gauss": 1e-4, "mgauss": 1e-7},
+    "pressure": {
+        "pa": 1.0,
+        "hpa": 100.0,
+        "kpa": 1e3,
+        "mbar": 100.0,
+        "bar": 1e5,
+        "mmhg": 133.322,
+        "inhg": 3386.389,
+        "psi": 6894.757,
+    },
 }
-"""Quantity -> suffix -> factor to SI (radian, metre, second; dB-Hz stays). One g is 9.80665 m/s^2 (3rd CGPM, 1901)."""
+"""Quantity -> suffix -> factor to SI (radian, metre, second, tesla, pascal; dB-Hz stays). One g is 9.80665 m/s^2
+(3rd CGPM, 1901)."""
 
 
 def known_units(quantity: str) -> str:

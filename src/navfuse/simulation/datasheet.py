@@ -102,6 +102,81 @@ def three_sizes(name: str, value: ArrayLike) -> Array:
     return frozen(np.broadcast_to(sizes, (3,)))
 
 
+def any_number(name: str, value: ArrayLike) -> float:
+    """One finite float of either sign.
+
+    Raises
+    ------
+    ConfigError
+    """
+    return one_number(name, value, least=-np.inf)
+
+
+def tau(name: str, value: ArrayLike) -> float:
+    """A correlation time [s]: not negative, perhaps infinite.
+
+    Raises
+    ------
+    ConfigError
+    """
+    return one_number(name, value, infinite=True)
+
+
+def three_numbers(name: str, value: ArrayLike) -> Array:
+    """Three finite numbers of either sign. Read-only.
+
+    Raises
+    ------
+    ConfigError
+    """
+    vector = numbers(name, value)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise ConfigError(f"{name} must be three finite numbers, not {value!r}")
+    return frozen(vector)
+
+
+def one_or_several(name: str, value: ArrayLike, count: int, what: str, least: float = -np.inf) -> Array:
+    """Finite numbers of at least `least`, one for each of `count` things; a single one stands for all. Read-only.
+
+    Raises
+    ------
+    ConfigError
+        `what` names the things in the message: "wheels".
+    """
+    values = numbers(name, value)
+    if values.shape not in ((), (count,)):
+        raise ConfigError(f"{name} must be one number or one for each of the {count} {what}, not {value!r}")
+    if not np.all(np.isfinite(values) & (values >= least)):
+        raise ConfigError(f"{name} must be finite{'' if least < 0.0 else ' and not negative'}, not {value!r}")
+    return frozen(np.broadcast_to(values, (count,)))
+
+
+def windows(name: str, value: ArrayLike) -> Array:
+    """Windows [from, to) of time, (m, 2), m >= 0. Read-only.
+
+    Raises
+    ------
+    ConfigError
+    """
+    pairs = numbers(name, value)
+    pairs = pairs.reshape(0, 2) if pairs.size == 0 else pairs
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.all(pairs[:, 0] < pairs[:, 1]):
+        raise ConfigError(f"{name} must be windows [from, to] with from < to, not {value!r}")
+    return frozen(pairs)
+
+
+def yes_or_no(name: str, value: Any) -> bool:
+    """True or False.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if not isinstance(value, bool):
+        raise ConfigError(f"{name} must be true or false, not {value!r}")
+    return value
+
+
 def frozen(values: ArrayLike) -> Array:
     """A read-only copy."""
     copy = np.array(values, dtype=float)

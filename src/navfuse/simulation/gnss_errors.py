@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfuse.errors import ConfigError
-from navfuse.simulation.datasheet import frozen, numbers, one_number, three_sizes, to_fields, unknown_key
+from navfuse.simulation.datasheet import one_number, three_numbers, three_sizes, to_fields, unknown_key, windows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -159,10 +159,10 @@ class GnssReceiverModel:
         for name in ("latency", "drift_from"):
             checked[name] = one_number(name, getattr(self, name), least=-math.inf)
         checked["drift_to"] = one_number("drift_to", self.drift_to, least=checked["drift_from"], infinite=True)
-        drift = numbers("drift_velocity", self.drift_velocity)
-        if drift.shape != (3,) or not np.all(np.isfinite(drift)):
-            raise ConfigError(f"drift_velocity must be three finite numbers, not {self.drift_velocity!r}")
-        checked |= {"drift_velocity": frozen(drift), "outages": _windows(self.outages)}
+        checked |= {
+            "drift_velocity": three_numbers("drift_velocity", self.drift_velocity),
+            "outages": windows("outages", self.outages),
+        }
         checked["fix_types"] = tuple(self.fix_types)
         for name, value in checked.items():
             object.__setattr__(self, name, value)
@@ -241,11 +241,3 @@ def _fix_type(given: Mapping[str, Any]) -> FixType:
         if key not in known:
             raise unknown_key("fix_types", key, known)
     return FixType(**{"name": "", **given})
-
-
-def _windows(value: ArrayLike) -> Array:
-    windows = numbers("outages", value)
-    windows = windows.reshape(0, 2) if windows.size == 0 else windows
-    if windows.ndim != 2 or windows.shape[1] != 2 or not np.all(windows[:, 0] < windows[:, 1]):
-        raise ConfigError(f"outages must be windows [from, to] with from < to, not {value!r}")
-    return frozen(windows)

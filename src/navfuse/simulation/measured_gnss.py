@@ -11,6 +11,7 @@ from navfuse.core.earth import ecef_to_geodetic_batch
 from navfuse.data.logs import GnssLog
 from navfuse.errors import InputError
 from navfuse.simulation.perfect_imu import sample_times
+from navfuse.simulation.sampled_sensor import random_boxes
 from navfuse.simulation.sensors import _from_local, _local_axes, antenna_state, gauss_markov
 
 if TYPE_CHECKING:
@@ -99,7 +100,10 @@ def measure_gnss(
         tau = getattr(model, f"{name}_correlated_tau")
         path = gauss_markov(time, model.axes(f"{name}_correlated_sd"), tau, 0.0, streams[f"{name}_correlated"])
         errors[f"{name}_correlated"] = path * factor[:, None]
-    errors["multipath"] = _jumps(time, model, streams["multipath_times"], streams["multipath"])
+    errors["multipath"] = random_boxes(
+        time, model.multipath_frequency, model.multipath_mean, model.axes("multipath_sd"), streams["multipath_times"],
+        streams["multipath"],
+    )  # fmt: skip
     pulled = np.clip(time, model.drift_from, model.drift_to) - model.drift_from
     errors["drift"] = pulled[:, None] * model.axes("drift_velocity")
     kept = _outside_outages(time, model, streams["outages"])
@@ -143,17 +147,6 @@ def _fix_types(time: Array, model: GnssReceiverModel, stream: np.random.Generato
         now += stay
         current = (current + int(stream.integers(1, len(model.fix_types)))) % len(model.fix_types)
     return kind
-
-
-def _jumps(time: Array, model: GnssReceiverModel, when: np.random.Generator, size: np.random.Generator) -> Array:
-    out = np.zeros((time.size, 3))
-    count = when.poisson(model.multipath_frequency * (time[-1] - time[0])) if model.multipath_frequency else 0
-    begin = np.sort(when.uniform(time[0], time[-1], count))
-    end = begin + model.multipath_mean * when.standard_exponential(count)
-    offsets = model.axes("multipath_sd") * size.standard_normal((count, 3))
-    for first, last, offset in zip(np.searchsorted(time, begin), np.searchsorted(time, end), offsets, strict=True):
-        out[first:last] += offset
-    return out
 
 
 def _outside_outages(time: Array, model: GnssReceiverModel, stream: np.random.Generator) -> Array:

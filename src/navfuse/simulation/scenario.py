@@ -20,11 +20,20 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from navfuse.errors import ConfigError
+from navfuse.simulation.barometer import BarometerModel, measure_barometer
+from navfuse.simulation.body_velocity import BodyVelocityModel, measure_body_velocity
 from navfuse.simulation.gnss_errors import GnssReceiverModel
+from navfuse.simulation.heading_sensor import HeadingModel, measure_heading
 from navfuse.simulation.imu_errors import ImuSensorModel
+from navfuse.simulation.magnetometer import MagnetometerModel, measure_magnetometer
+from navfuse.simulation.measured_raw_gnss import measure_raw_gnss
 from navfuse.simulation.motion import Motion
+from navfuse.simulation.odometer import OdometerModel, measure_odometer
+from navfuse.simulation.raw_gnss_errors import RawGnssModel
 from navfuse.simulation.scenario_motion import read_motion
 from navfuse.simulation.scenario_table import ScenarioTable, nearest
+from navfuse.simulation.uwb import UwbModel, measure_uwb
+from navfuse.simulation.wheel_speeds import WheelSpeedModel, measure_wheel_speeds
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,15 +48,32 @@ class SensorKind:
         Takes motion, model and random generator; gives log and truth.
     file : str
         Name of the table it is written to.
+    at_antenna : bool
+        It measures at a lever arm that `measure` takes as a fourth argument: ``lever_arm_m`` of its section, or else
+        that of ``[gnss]``. Otherwise the lever arm, if it has one, belongs to the model.
     """
 
     make: Callable[..., Any]
     measure: Callable[..., tuple[Any, Any]]
     file: str
+    at_antenna: bool = False
 
 
-SENSORS: Mapping[str, SensorKind] = MappingProxyType({})
+SENSORS: Mapping[str, SensorKind] = MappingProxyType(
+    {
+        "pseudoranges": SensorKind(RawGnssModel.from_datasheet, measure_raw_gnss, "pseudoranges.csv", True),
+        "odometer": SensorKind(OdometerModel.from_datasheet, measure_odometer, "odometer.csv"),
+        "wheel_speeds": SensorKind(WheelSpeedModel.from_datasheet, measure_wheel_speeds, "wheel_speeds.csv"),
+        "magnetometer": SensorKind(MagnetometerModel.from_datasheet, measure_magnetometer, "magnetometer.csv"),
+        "heading": SensorKind(HeadingModel.from_datasheet, measure_heading, "heading.csv"),
+        "barometer": SensorKind(BarometerModel.from_datasheet, measure_barometer, "barometer.csv"),
+        "body_velocity": SensorKind(BodyVelocityModel.from_datasheet, measure_body_velocity, "body_velocity.csv"),
+        "uwb": SensorKind(UwbModel.from_datasheet, measure_uwb, "uwb.csv"),
+    }
+)
 """Aiding sensors beside GNSS fixes, by the section of the scenario."""
+
+_ALMANAC_KEY, _OWN_CONSTELLATIONS = "constellation", ("gps", "workshop")
 
 FASTEST_HZ = 10_000.0
 
@@ -87,8 +113,9 @@ class Scenario:
         ``grade`` and the keys that change it, as the file gives them.
     gnss : GnssReceiverModel or None
     gnss_lever_arm_b : 3 numbers [m]
-    sensors : mapping of str to model
-        The other aiding sensors, by section; keys of :data:`SENSORS`.
+    sensors : mapping of str to (model, lever arm)
+        The other aiding sensors, by section; keys of :data:`SENSORS`. The lever arm [m] is empty where the model
+        has it.
     start : StartErrors or None
         None: the filter is told nothing.
     truth_rate : float [Hz]
@@ -110,7 +137,7 @@ class Scenario:
     imu_keys: Mapping[str, Any]
     gnss: GnssReceiverModel | None
     gnss_lever_arm_b: tuple[float, float, float]
-    sensors: Mapping[str, Any]
+    sensors: Mapping[str, tuple[Any, tuple[float, ...]]]
     start: StartErrors | None
     truth_rate: float
     one_table: str
@@ -236,7 +263,12 @@ def read_scenario(data: Mapping[str, Any], name: str, *, folder: Path = Path(), 
     for section, sensor in SENSORS.items():
         if section in top:
             keys = ScenarioTable(f"{source}: [{section}]", top.get(section))
-            sensors[section] = _model(keys.where, sensor.make, **keys.rest())
+            at = keys.three("lever_arm_m", lever) if sensor.at_antenna else ()
+            printed_keys = keys.rest()
+            almanac = printed_keys.get(_ALMANAC_KEY)
+            if isinstance(almanac, str) and almanac not in _OWN_CONSTELLATIONS:
+                printed_keys[_ALMANAC_KEY] = str(folder / Path(almanac).expanduser())
+            sensors[section] = _model(keys.where, sensor.make, **printed_keys), at
         top.get(section)
     start = _start(source, top.get("start")) if "start" in top else None
     project = top.get("project", {})

@@ -131,9 +131,9 @@ def run_scenario(
             scenario.gnss_lever_arm_b,
         )
     sensors = {}
-    for section, model in scenario.sensors.items() if aiding else ():
-        measure = SENSORS[section].measure
-        sensors[section] = _named(scenario, section, measure, motion, model, section_stream(seed, section))
+    for section, (model, *lever) in scenario.sensors.items() if aiding else ():
+        draws, lever_arm = section_stream(seed, section), [arm for arm in lever if arm]
+        sensors[section] = _named(scenario, section, SENSORS[section].measure, motion, model, draws, *lever_arm)
     start = None
     if scenario.start is not None:
         start = told_start(motion, imu.time[0] - scenario.imu.stamp_latency, scenario.start, seed)
