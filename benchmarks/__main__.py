@@ -1,9 +1,10 @@
-"""Both tables, one after the other."""
+"""All tables, one after the other."""
 
 from __future__ import annotations
 
-from benchmarks import accuracy, run
+from benchmarks import accuracy, campaign, run
 
 if __name__ == "__main__":
     run.main()
+    campaign.main()
     accuracy.main()
