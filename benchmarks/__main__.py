@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from benchmarks import accuracy, increments, run
+from benchmarks import accuracy, campaign, increments, run
 
 if __name__ == "__main__":
     run.main()
+    campaign.main()
     accuracy.main()
     increments.main()

@@ -27,7 +27,7 @@ def campaign(tmp_path_factory):
 def test_everything_promised_is_there(campaign):
     folder = campaign[0]
     assert sorted(entry.name for entry in folder.iterdir()) == sorted(FILES)
-    for name in ("nees.png", "nis.png", "rmse.png", "rmse_smoother.png"):
+    for name in ("nees.png", "nis.png", "rmse.png", "rmse_smoother.png", "nees_smoother.png"):
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
 
 
@@ -48,8 +48,10 @@ def test_the_table_of_all_runs(campaign):
 def test_the_averages_can_be_made_again_from_the_runs(campaign):
     folder = campaign[0]
     runs, averages = read(folder / "runs.parquet"), read(folder / "nees.parquet")
-    entry = averages[(averages.kind == "nees") & (averages.name == "attitude")]
-    np.testing.assert_allclose(entry.mean_per_dof, runs.groupby("time_s").nees_attitude.mean().to_numpy() / 3.0)
+    attitude = averages[(averages.kind == "nees") & (averages.name == "attitude")]
+    for estimator, column in (("filter", "nees_attitude"), ("smoother", "smoothed_nees_attitude")):
+        entry = attitude[attitude.estimator == estimator]
+        np.testing.assert_allclose(entry.mean_per_dof, runs.groupby("time_s")[column].mean().to_numpy() / 3.0)
     np.testing.assert_allclose(entry.high_99, chi2.ppf(0.995, 18) / 18)
     nis = read(folder / "nis.parquet")
     nis = nis[nis.source == "gnss_position"].groupby("time_s").nis.mean().to_numpy() / 3.0
@@ -76,7 +78,7 @@ def test_the_summary(campaign):
     assert heading["unit"] == "deg"
     assert heading["rmse_95"][0] < heading["rmse"] < heading["rmse_95"][1]
     assert heading["ratio"] == pytest.approx(assessments["filter"].rms[8].ratio)
-    assert found["smoother"]["nees"] == {}
+    assert list(found["smoother"]["nees"]) == list(found["filter"]["nees"])
     assert set(found["smoother"]["rmse_over_sigma"]) == {"position", "velocity", "attitude", "gyro_bias", "accel_bias"}
 
 

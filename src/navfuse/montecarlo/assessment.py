@@ -43,7 +43,7 @@ class Assessment:
     settle_s : float [s]
         Epochs before it are shown, but not judged.
     nees : dict of str to Average
-        Of every group of states, the whole last, with 99 % bounds; none for a smoother, which shows deviations only.
+        Of every group of states, the whole last, with 99 % bounds.
     nis : dict of str to Average
         Of every aiding source, all measurements that an innovation was formed of; none for a smoother.
     squares : dict of str to Average
@@ -153,16 +153,9 @@ def assess(campaign: Campaign, settle_s: float = SETTLE_S) -> dict[str, Assessme
             f"the runs last {time[-1] - time[0]:g} s, of which the first {settle_s:g} s are not judged: nothing is "
             "left; make the runs longer"
         )
-    nees = {
-        name: average(name, time, np.array([run.nees[name] for run in runs]), dof) for name, dof in runs[0].dof.items()
-    }
-    judged_groups = _widened(nees, runs, begin)
-    error, sd = (np.array([getattr(run, name) for run in runs]) for name in ("error", "sd"))
-    found = {"filter": _assessment("filter", runs, time, begin, error, sd, nees, _nis(runs), judged_groups)}
-    smoothed = [(run.smoothed_error, run.smoothed_sd) for run in runs]
-    if smoothed[0][0] is not None:
-        error, sd = (np.array([pair[k] for pair in smoothed]) for k in (0, 1))
-        found["smoother"] = _assessment("smoother", runs, time, begin, error, sd, {}, {}, [])
+    found = {"filter": _assessment("filter", runs, time, begin, "", _nis(runs))}
+    if runs[0].smoothed_error is not None:
+        found["smoother"] = _assessment("smoother", runs, time, begin, "smoothed_", {})
     return found
 
 
@@ -171,13 +164,16 @@ def _assessment(
     runs: Sequence[RunRecord],
     time: Array,
     begin: float,
-    error: Array,
-    sd: Array,
-    nees: dict[str, Average],
+    prefix: str,
     nis: dict[str, Average],
-    judged_groups: list[Average],
 ) -> Assessment:
-    components = runs[0].components
+    """Judge what stands in the attributes of the runs that begin with `prefix`."""
+    components, dof = runs[0].components, runs[0].dof
+    error, sd = (np.array([getattr(run, prefix + name) for run in runs]) for name in ("error", "sd"))
+    squared = {name: np.array([getattr(run, f"{prefix}nees")[name] for run in runs]) for name in dof}
+    nees = {name: average(name, time, squared[name], dof[name]) for name in dof}
+    all_groups = family_probability(len(dof), VERDICT_PROBABILITY)
+    judged_groups = [average(name, time, squared[name], dof[name], all_groups).after(begin) for name in dof]
     there = np.asarray(np.all(np.isfinite(error) & (sd > 0.0), axis=0))
     judged = np.asarray(time >= begin - SAME_TIME)
     usable = np.flatnonzero((there & judged[:, None]).any(axis=0)).tolist()
@@ -192,14 +188,6 @@ def _assessment(
     members = {component.name: component.group for component in components}
     named = most_telling(findings(judged_groups), findings(wide), members)
     return Assessment(estimator, len(runs), begin, nees, nis, squares, rms, named, verdict(named))
-
-
-def _widened(nees: dict[str, Average], runs: Sequence[RunRecord], begin: float) -> list[Average]:
-    probability = family_probability(len(nees), VERDICT_PROBABILITY)
-    return [
-        average(name, runs[0].time, np.array([run.nees[name] for run in runs]), dof, probability).after(begin)
-        for name, dof in runs[0].dof.items()
-    ]
 
 
 def _nis(runs: Sequence[RunRecord]) -> dict[str, Average]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from navfuse.analysis.ensemble import SHARE_INSIDE
+from navfuse.analysis.ensemble import SHARE_INSIDE, Average
 from navfuse.errors import ConfigError
 from navfuse.io.atomic import atomic_folder
 from navfuse.io.json_file import write_json
@@ -30,6 +30,7 @@ FILES = (
     "nis.png",
     "rmse.png",
     "rmse_smoother.png",
+    "nees_smoother.png",
 )
 
 
@@ -91,7 +92,7 @@ def write_campaign(
     """
     write_table(folder / "runs.parquet", run_columns(campaign))
     write_table(folder / "nis.parquet", _nis_columns(campaign))
-    write_table(folder / "nees.parquet", _average_columns(assessments["filter"]))
+    write_table(folder / "nees.parquet", _average_columns(assessments))
     write_json(folder / "summary.json", summary(campaign, assessments, settings))
     judged = assessments["filter"]
     figure_averages(list(judged.nees.values()), "NEES", judged.settle_s).savefig(folder / "nees.png")
@@ -99,7 +100,9 @@ def write_campaign(
         figure_averages(list(judged.nis.values()), "NIS", judged.settle_s).savefig(folder / "nis.png")
     figure_rmse(judged.rms).savefig(folder / "rmse.png")
     if "smoother" in assessments:
-        figure_rmse(assessments["smoother"].rms).savefig(folder / "rmse_smoother.png")
+        smoothed = assessments["smoother"]
+        figure_averages(list(smoothed.nees.values()), "NEES", smoothed.settle_s).savefig(folder / "nees_smoother.png")
+        figure_rmse(smoothed.rms).savefig(folder / "rmse_smoother.png")
 
 
 def run_columns(campaign: Campaign) -> dict[str, Array]:
@@ -109,8 +112,10 @@ def run_columns(campaign: Campaign) -> dict[str, Array]:
         "seed": np.repeat([run.seed for run in runs], [run.time.size for run in runs]),
         "time_s": np.concatenate([run.time for run in runs]),
     }
-    for name in runs[0].nees:
-        columns[f"nees_{name.replace(' ', '_')}"] = np.concatenate([run.nees[name] for run in runs])
+    for prefix in ("", "smoothed_"):
+        for name in getattr(runs[0], f"{prefix}nees"):
+            values = [getattr(run, f"{prefix}nees")[name] for run in runs]
+            columns[f"{prefix}nees_{name.replace(' ', '_')}"] = np.concatenate(values)
     tables = {"err": "error", "sd": "sd"}
     if runs[0].smoothed_error is not None:
         tables |= {"smoothed_err": "smoothed_error", "smoothed_sd": "smoothed_sd"}
@@ -130,17 +135,20 @@ def _nis_columns(campaign: Campaign) -> dict[str, Array]:
     }
 
 
-def _average_columns(assessment: Assessment) -> dict[str, Array]:
-    entries = [("nees", entry) for entry in assessment.nees.values()]
-    entries += [("nis", entry) for entry in assessment.nis.values()]
-    entries += [("squared_ratio", entry) for entry in assessment.squares.values()]
+def _average_columns(assessments: dict[str, Assessment]) -> dict[str, Array]:
+    found: list[tuple[str, str, Average]] = []
+    for estimator, judged in assessments.items():
+        kinds = {"nees": judged.nees, "nis": judged.nis, "squared_ratio": judged.squares}
+        found += [(estimator, kind, entry) for kind, entries in kinds.items() for entry in entries.values()]
+    lengths = [entry.time.size for _, _, entry in found]
     return {
-        "kind": np.concatenate([np.repeat(kind, entry.time.size) for kind, entry in entries]),
-        "name": np.concatenate([np.repeat(entry.name, entry.time.size) for _, entry in entries]),
-        "time_s": np.concatenate([entry.time for _, entry in entries]),
-        "mean_per_dof": np.concatenate([entry.mean for _, entry in entries]),
-        "low_99": np.concatenate([entry.low for _, entry in entries]),
-        "high_99": np.concatenate([entry.high for _, entry in entries]),
+        "estimator": np.repeat([estimator for estimator, _, _ in found], lengths),
+        "kind": np.repeat([kind for _, kind, _ in found], lengths),
+        "name": np.repeat([entry.name for _, _, entry in found], lengths),
+        "time_s": np.concatenate([entry.time for _, _, entry in found]),
+        "mean_per_dof": np.concatenate([entry.mean for _, _, entry in found]),
+        "low_99": np.concatenate([entry.low for _, _, entry in found]),
+        "high_99": np.concatenate([entry.high for _, _, entry in found]),
     }
 
 
@@ -176,19 +184,15 @@ def describe(campaign: Campaign, assessments: dict[str, Assessment]) -> list[str
     finished = f"{len(campaign.runs)} of {campaign.wanted} runs" + (" (interrupted)" if campaign.interrupted else "")
     for name, assessment in assessments.items():
         lines.append(f"{name}, {finished}: {assessment.verdict}")
-    judged = assessments["filter"]
-    lines += ["", f"after {judged.settle_s:g} s:", f"{'':24}{'per dof':>8}{'inside 99 %':>13}{'RMSE/sigma':>12}"]
-    ratios = judged.ratios
-    for kind, entries in (("NEES", judged.nees), ("NIS", judged.nis)):
-        for name, entry in entries.items():
-            after = entry.after(judged.settle_s)
-            ratio = f"{ratios[name]:12.3f}" if name in ratios else ""
-            lines.append(f"{kind} {name:19}{np.mean(after.mean):8.3f}{100.0 * after.share_inside:11.1f} %{ratio}")
-    if "smoother" in assessments:
-        lines += [
-            "",
-            "smoother, RMSE/sigma: " + ", ".join(f"{k} {v:.3f}" for k, v in assessments["smoother"].ratios.items()),
-        ]
+    for estimator, judged in assessments.items():
+        head = f"{estimator} after {judged.settle_s:g} s:"
+        lines += ["", f"{head:24}{'per dof':>8}{'inside 99 %':>13}{'RMSE/sigma':>12}"]
+        ratios = judged.ratios
+        for kind, entries in (("NEES", judged.nees), ("NIS", judged.nis)):
+            for name, entry in entries.items():
+                after = entry.after(judged.settle_s)
+                ratio = f"{ratios[name]:12.3f}" if name in ratios else ""
+                lines.append(f"{kind} {name:19}{np.mean(after.mean):8.3f}{100.0 * after.share_inside:11.1f} %{ratio}")
     lines += ["", f"expected of a consistent filter: inside for at least {100.0 * SHARE_INSIDE:.0f} % of the time"]
     if campaign.failed:
         seed, reason = min(campaign.failed.items())

@@ -15,29 +15,31 @@ from navfuse.analysis.nees import (
     nees_of_groups,
     to_components,
 )
-from navfuse.core.rotation import quat_from_euler_batch
+from navfuse.core.kalman import reset_attitude
 from navfuse.data.layout import CROSS_PAIRS, Layout
+from navfuse.data.nav_state import boxplus_navigation
 from navfuse.data.result import Innovations
-from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
 from navfuse.filters.ekf import ErrorStateFilter
 from navfuse.filters.event import split
-from navfuse.filters.record import Checkpoint, collect_innovations
+from navfuse.filters.record import Checkpoint, FilterRecord, collect_innovations
 from navfuse.imu.gaps import gap_limit
 from navfuse.imu.increments import to_increments
 from navfuse.montecarlo.recipes import Case
 from navfuse.simulation import ImuErrorTruth, Motion, MotionState
-from navfuse.smoothers.rts import SmoothedRun, smooth
+from navfuse.smoothers.rts import smooth
 
 Array = np.ndarray
 
 SAME_TIME = 1e-6
 """Epochs closer than this [s] are one."""
+MOST_EPOCHS = 2500
+"""Of a run that are judged; of more measurements every second, third, ... is, from the first on."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunRecord:
-    """Errors of one run at its epochs: the moments at which the filter took in a measurement.
+    """Errors of one run at its epochs: moments at which the filter took in a measurement.
 
     Attributes
     ----------
@@ -52,7 +54,8 @@ class RunRecord:
         Their degrees of freedom.
     innovations : Innovations
     smoothed_error, smoothed_sd : (m, n) arrays [SI] or None
-        The same of the smoother; NaN at epochs at which it puts out no trajectory.
+    smoothed_nees : dict of str to (m,) array
+        The same of the smoother; empty without one.
     samples : int
         IMU samples that the filter took in.
     seconds : float
@@ -69,6 +72,7 @@ class RunRecord:
     innovations: Innovations
     smoothed_error: Array | None
     smoothed_sd: Array | None
+    smoothed_nees: dict[str, Array]
     samples: int
     seconds: float
 
@@ -106,53 +110,70 @@ def run_case(case: Case, seed: int = 0) -> RunRecord:
     estimator = ErrorStateFilter(case.start, case.model, case.sensors, case.settings)
     estimator.feed(increments)
     record = estimator.record
-    kept = _last_of_each_time(record.checkpoints)
+    kept = _epochs(record.checkpoints)
     if kept.size < 2:
         raise ConfigError("the filter took in no measurement: without one a Monte Carlo run has no epochs")
-    checkpoints = [record.checkpoints[k] for k in kept.tolist()]
     layout = record.layout
     components = components_of(layout)
-    time = np.array([checkpoint.time for checkpoint in checkpoints])
-    error, P, J = _errors(case, layout, checkpoints, time)
+    time = np.array([record.checkpoints[k].time for k in kept.tolist()])
+    nav, s, x, P = split(np.array([record.checkpoints[k].carried for k in kept.tolist()]))
+    error, J = _errors(case, layout, time, nav, s)
+    if case.settings.open_loop:
+        error -= x
     values, sd = to_components(error, P, J)
     tested = np.isfinite(error[0]) & (np.diagonal(P, axis1=1, axis2=2) > 0.0).all(axis=0)
     groups = groups_of(components, tested)
+    nees = nees_of_groups(error, P, groups)
     smoothed_error = smoothed_sd = None
+    smoothed_nees: dict[str, Array] = {}
     if case.smooth:
-        back = smooth(estimator, increments)
-        smoothed_error, smoothed_sd = _smoothed_errors(back, kept, time, case, layout)
+        back = smooth(estimator, increments, events=kept.tolist())
+        nav = nav.copy()
+        for row in range(time.size):
+            boxplus_navigation(nav[row], back.error[row], case.settings.ecef)
+            reset_attitude(back.P[row], back.error[row, 6:9])
+        error, J = _errors(case, layout, time, nav, s + back.error[:, 9:])
+        smoothed_error, smoothed_sd = to_components(error, back.P, J)
+        smoothed_nees = nees_of_groups(error, back.P, groups)
     return RunRecord(
         seed,
         components,
         time,
         values,
         sd,
-        nees_of_groups(error, P, groups),
+        nees,
         {name: index.size for name, index in groups.items()},
-        collect_innovations([record]),
+        _innovations(record, time),
         smoothed_error,
         smoothed_sd,
+        smoothed_nees,
         len(increments),
         perf_counter() - begin,
     )
 
 
-def _last_of_each_time(checkpoints: list[Checkpoint]) -> Array:
+def _epochs(checkpoints: list[Checkpoint]) -> Array:
+    """Numbers of the checkpoints that are judged: the last of each time, and no more than MOST_EPOCHS, evenly."""
     time = np.array([checkpoint.time for checkpoint in checkpoints])
-    return np.flatnonzero(np.append(np.diff(time) > SAME_TIME, True))
+    last = np.flatnonzero(np.append(np.diff(time) > SAME_TIME, True))
+    return last[:: -(-last.size // MOST_EPOCHS)]
 
 
-def _errors(case: Case, layout: Layout, checkpoints: list[Checkpoint], time: Array) -> tuple[Array, Array, Array]:
-    """Errors (m, n) in the frame of the filter, covariances (m, n, n), and J of :func:`navigation_errors`."""
-    carried = np.array([checkpoint.carried for checkpoint in checkpoints])
-    nav, s, x, P = split(carried)
+def _innovations(record: FilterRecord, time: Array) -> Innovations:
+    """Those of the epochs that are judged."""
+    found = collect_innovations([record])
+    row = np.clip(np.searchsorted(time, found.time - SAME_TIME), 0, time.size - 1)
+    at_epoch = np.abs(time[row] - found.time) <= SAME_TIME
+    return found if at_epoch.all() else found.select(at_epoch)
+
+
+def _errors(case: Case, layout: Layout, time: Array, nav: Array, s: Array) -> tuple[Array, Array]:
+    """Errors (m, n) in the frame of the filter of what it carries, and J of :func:`navigation_errors`."""
     truth = _within(case.logs.motion, time)
     error = np.empty((time.size, layout.size))
     error[:, :9], J = navigation_errors(truth.r_e, truth.v_e, truth.q_eb, nav, case.settings.ecef)
     error[:, 9:] = sensor_truth(layout, case.logs.imu_errors, time) - s
-    if case.settings.open_loop:
-        error -= x
-    return error, P, J
+    return error, J
 
 
 def _within(motion: Motion, time: Array) -> MotionState:
@@ -184,29 +205,3 @@ def sensor_truth(layout: Layout, errors: ImuErrorTruth, time: Array) -> Array:
             values = np.array([values[pair] for pair in CROSS_PAIRS])
         truth[:, where.start - 9 : where.stop - 9] = values[row] if values.ndim == 2 else values
     return truth
-
-
-def _smoothed_errors(back: SmoothedRun, kept: Array, time: Array, case: Case, layout: Layout) -> tuple[Array, Array]:
-    """Errors and deviations (m, n) of the smoother, component by component."""
-    error, sd = np.full((time.size, layout.size), np.nan), np.full((time.size, layout.size), np.nan)
-    error[:, 9:] = sensor_truth(layout, case.logs.imu_errors, time) - back.state_value[kept]
-    sd[:, 9:] = back.state_sd[kept]
-    out = back.trajectory
-    if len(out):
-        row = np.clip(np.searchsorted(out.time, time - SAME_TIME), 0, len(out) - 1)
-        there = np.flatnonzero(np.abs(out.time[row] - time) <= SAME_TIME)
-        picked = out.take(row[there])
-        error[there, :9], sd[there, :9] = _trajectory_errors(picked, case.logs.motion, time[there])
-    return error, sd
-
-
-def _trajectory_errors(out: Trajectory, motion: Motion, time: Array) -> tuple[Array, Array]:
-    """(m, 9) errors of position, velocity [n] and roll, pitch, heading, and their deviations."""
-    truth = _within(motion, time)
-    nav = np.empty((time.size, 10))
-    nav[:, 0], nav[:, 1], nav[:, 2] = out.lat, out.lon, out.height
-    nav[:, 3:6] = out.velocity_n
-    nav[:, 6:10] = quat_from_euler_batch(out.attitude)
-    error, J = navigation_errors(truth.r_e, truth.v_e, truth.q_eb, nav, False)
-    sd = np.array([out.sd_position, out.sd_velocity, out.sd_attitude], dtype=float)
-    return np.einsum("kij,kj->ki", J, error), np.moveaxis(sd, 0, 1).reshape(-1, 9)

@@ -19,7 +19,7 @@ exactly as the filter did it, and smoothed on the way back.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +53,11 @@ class SmoothedRun:
         Times of the filter's events.
     state_value, state_sd : (m, n - 9) arrays
         Smoothed estimates of the states after the ninth and their standard deviations.
+    error : (k, n) array
+        Smoothed estimate of the error of what the filter carried (``nav``, ``s``) after the events asked for, in the
+        frame of the filter.
+    P : (k, n, n) array
+        Its covariance.
     """
 
     trajectory: Trajectory
@@ -60,6 +65,8 @@ class SmoothedRun:
     state_time: Array
     state_value: Array
     state_sd: Array
+    error: Array
+    P: Array
 
 
 @fused
@@ -206,7 +213,10 @@ def _smooth_states(s, x, P, lam, Lam, value, sd):
 
 
 def smooth(
-    filter_: ErrorStateFilter, increments: ImuIncrements, progress: Callable[[float], None] | None = None
+    filter_: ErrorStateFilter,
+    increments: ImuIncrements,
+    progress: Callable[[float], None] | None = None,
+    events: Sequence[int] = (),
 ) -> SmoothedRun:
     """Smooth a finished filter run.
 
@@ -218,6 +228,8 @@ def smooth(
         All increments it was fed since it was made or restored, as one block.
     progress : callable, optional
         Called now and then with the fraction done.
+    events : sequence of int
+        Numbers of the checkpoints, ascending, at which the whole smoothed error and its covariance are wanted.
 
     Returns
     -------
@@ -243,6 +255,10 @@ def smooth(
     times: list[Array] = []
     pieces: list[Array] = []
     values, deviations, value_times = [], [], []
+    wanted, last = np.zeros(len(record.checkpoints), dtype=bool), len(record.checkpoints) - 1
+    wanted[list(events)] = True
+    errors, covariances = np.empty((len(events), n)), np.empty((len(events), n, n))
+    row = len(events)
     end = filter_.time
     boundaries = [c.time for c in record.checkpoints[1:]] + [max(end, increments.time[-1]) + 2 * TIME_TOLERANCE]
     for k, (checkpoint, t_end) in enumerate(zip(reversed(record.checkpoints), reversed(boundaries), strict=True)):
@@ -255,6 +271,10 @@ def smooth(
         value_times.append(checkpoint.time)
         values.append(value)
         deviations.append(sd)
+        if wanted[last - k]:
+            row -= 1
+            errors[row] = x - P @ lam
+            covariances[row] = P - P @ Lam @ P
         _drop_direction(checkpoint.held, lam, Lam)
         for update in reversed(checkpoint.updates):
             _back_across_update(update.numbers, update.size, not settings.open_loop, lam, Lam, work)
@@ -264,7 +284,13 @@ def smooth(
     trajectory = trajectory_from_rows(times[::-1], pieces[::-1], "smoothed")
     start = _smoothed_row(record.checkpoints[0], lam, Lam, work, settings.ecef)
     return SmoothedRun(
-        trajectory, start, np.array(value_times[::-1]), np.array(values[::-1]), np.array(deviations[::-1])
+        trajectory,
+        start,
+        np.array(value_times[::-1]),
+        np.array(values[::-1]),
+        np.array(deviations[::-1]),
+        errors,
+        covariances,
     )
 
 
