@@ -14,8 +14,10 @@ import numpy as np
 
 from navfuse.config import Project, load_project
 from navfuse.data.logs import GnssLog, ImuLog
+from navfuse.data.start import Start
 from navfuse.errors import ConfigError, InputError
 from navfuse.filters.settings import FilterSettings
+from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.gaps import gap_limit
 from navfuse.imu.increments import to_increments
 from navfuse.montecarlo.recipes import TRUTHFUL, Case, Recipe, Tampering
@@ -91,7 +93,8 @@ class ScenarioRecipe:
             replace(logs.imu_truth.states, time=logs.imu_truth.states.time + project.imu.time_offset_s),
             truth.motion,
         )
-        return _case(simulated, start, project, self.frame, self.smooth, self.tampering)
+        whole = logs.imu.time.size == truth.ideal_imu.time.size
+        return _case(self, simulated, start, project, whole)
 
     @property
     def duration(self) -> float:
@@ -149,7 +152,7 @@ class ProjectRecipe:
         gnss = noisy_fixes(motion, fixes, project.gnss.lever_arm_m, section_stream(seed, "gnss"))
         start = told_start(motion, imu.time[0], StartErrors(), seed)
         simulated = SimulatedLogs(imu, gnss, motion.trajectory(fixes.time), imu_errors, motion)
-        return _case(simulated, start, project, self.frame, self.smooth, self.tampering)
+        return _case(self, simulated, start, project, True)
 
     @property
     def duration(self) -> float:
@@ -210,19 +213,32 @@ def _is_project(path: Path) -> bool:
     return "motion" not in data and isinstance(imu, dict) and "file" in imu
 
 
+@lru_cache(maxsize=4)
+def _told(recipe: ScenarioRecipe | ProjectRecipe) -> tuple[ImuErrorModel, FilterSettings]:
+    """Error model and settings of the filter for logs of which no sample is lost, made once per process."""
+    if isinstance(recipe, ScenarioRecipe):
+        _, project, truth = _scenario(recipe.source, recipe.changes)
+        ideal = truth.ideal_imu
+    else:
+        project, _, ideal, _ = _project(recipe.path)
+    return recipe.tampering.imu(project.imu_error_model()), _settings(project, ideal, recipe.frame)
+
+
 def _case(
-    logs: SimulatedLogs, start: Any, project: Project, frame: str | None, smooth: bool, tampering: Tampering
+    recipe: ScenarioRecipe | ProjectRecipe, logs: SimulatedLogs, start: Start, project: Project, whole: bool
 ) -> Case:
-    settings = replace(_settings(project, logs.imu), checkpoints=True, output_period=-1.0)
-    if frame is not None:
-        settings = replace(settings, ecef=frame == "ecef")
-    sensors = tuple(gnss_sensors(project, tampering.gnss(logs.gnss)))
-    return Case(logs, start, tampering.imu(project.imu_error_model()), sensors, settings, smooth)
+    model, settings = _told(recipe)
+    if not whole:
+        settings = _settings(project, logs.imu, recipe.frame)
+    sensors = tuple(gnss_sensors(project, recipe.tampering.gnss(logs.gnss)))
+    return Case(logs, start, model, sensors, settings, recipe.smooth)
 
 
-def _settings(project: Project, imu: ImuLog) -> FilterSettings:
+def _settings(project: Project, imu: ImuLog, frame: str | None) -> FilterSettings:
     limit = gap_limit(imu.time)
-    return filter_settings(project, limit, to_increments(imu, limit))
+    settings = filter_settings(project, limit, to_increments(imu, limit))
+    ecef = settings.ecef if frame is None else frame == "ecef"
+    return replace(settings, ecef=ecef, checkpoints=True, output_period=-1.0)
 
 
 def _shifted(log: Any, offset: float) -> Any:

@@ -13,6 +13,7 @@ from navfuse.errors import InputError
 from navfuse.simulation.perfect_imu import sample_times
 from navfuse.simulation.sampled_sensor import random_boxes
 from navfuse.simulation.sensors import _from_local, _local_axes, antenna_state, gauss_markov
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -54,8 +55,28 @@ class GnssTruth:
     sd_factor: Array
 
 
+def measuring_times(motion: Motion, model: GnssReceiverModel) -> Array:
+    """When a receiver measures along a motion, outages not yet taken out, (n,) [s], n >= 1.
+
+    Raises
+    ------
+    InputError
+        When the motion is too short for one fix.
+    """
+    time = sample_times(motion.start, motion.end, model.rate, model.offset)
+    if time.size == 0:
+        raise InputError(
+            f"the motion ends at {motion.end:g} s, before the first GNSS fix at {motion.start + model.offset:g} s"
+        )
+    return time
+
+
 def measure_gnss(
-    motion: Motion, model: GnssReceiverModel, rng: np.random.Generator, lever_arm_b: ArrayLike = (0.0, 0.0, 0.0)
+    motion: Motion,
+    model: GnssReceiverModel,
+    rng: np.random.Generator,
+    lever_arm_b: ArrayLike = (0.0, 0.0, 0.0),
+    antenna: tuple[Array, Array] | None = None,
 ) -> tuple[GnssLog, GnssTruth]:
     """Fixes as a real receiver would have written them.
 
@@ -69,6 +90,8 @@ def measure_gnss(
         alone.
     lever_arm_b : (3,) array [m]
         IMU to antenna, body forward-right-down.
+    antenna : (r_e, v_e), optional
+        Position and velocity (n, 3) of the antenna at all :func:`measuring_times`, if they are known already.
 
     Returns
     -------
@@ -85,12 +108,9 @@ def measure_gnss(
     -----
     Errors of position are laid off in the tangent plane of the true place: one of 1 km raises the height by 8 cm.
     """
-    time = sample_times(motion.start, motion.end, model.rate, model.offset)
-    if time.size == 0:
-        raise InputError(
-            f"the motion ends at {motion.end:g} s, before the first GNSS fix at {motion.start + model.offset:g} s"
-        )
-    streams = dict(zip(_STREAMS, rng.spawn(len(_STREAMS)), strict=True))
+    time = measuring_times(motion, model)
+    r_e, v_e = antenna_state(motion, time, lever_arm_b) if antenna is None else antenna
+    streams = Streams(rng, _STREAMS)
     kind = _fix_types(time, model, streams["fix"])
     factor = np.array([entry.sd_factor for entry in model.fix_types])[kind] if model.fix_types else np.ones(time.size)
     errors = {}
@@ -111,7 +131,7 @@ def measure_gnss(
         raise InputError(f"the outages hide all {time.size} GNSS fixes of the motion")
     time, kind, factor = time[kept], kind[kept], factor[kept]
     errors = {name: values[kept] for name, values in errors.items()}
-    r_e, v_e = antenna_state(motion, time, lever_arm_b)
+    r_e, v_e = r_e[kept], v_e[kept]
     lat, lon, _ = ecef_to_geodetic_batch(r_e)
     error_n = errors["position_white"] + errors["position_correlated"] + errors["multipath"] + errors["drift"]
     lat, lon, height = ecef_to_geodetic_batch(r_e + _from_local(lat, lon, error_n))

@@ -24,6 +24,7 @@ from navfuse.simulation.imu_error_kernels import (
     quantise_increments,
 )
 from navfuse.simulation.sensors import ImuErrorTruth, add_imu_errors, gauss_markov
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from navfuse.simulation.imu_errors import ImuSensorModel
@@ -111,7 +112,7 @@ def measure_imu(log: ImuLog, model: ImuSensorModel, rng: np.random.Generator) ->
     if log.time.size < 2:
         raise InputError(f"{log.source}: an IMU log needs at least two rows to be given errors, not {log.time.size}")
     lsb = {sensor: _lsb(model, sensor, log.kind) for sensor in ("gyro", "accel")}
-    streams = dict(zip(_STREAMS, rng.spawn(len(_STREAMS)), strict=True))
+    streams = Streams(rng, _STREAMS)
     dt = np.diff(log.time, prepend=log.time[0])
     dt[0] = dt[1]
     gain = (np.ones_like(dt) if log.kind == "rates" else dt)[:, None]
@@ -125,14 +126,14 @@ def measure_imu(log: ImuLog, model: ImuSensorModel, rng: np.random.Generator) ->
     felt = ImuLog(log.time, shaken["gyro"], shaken["accel"], log.kind, log.source, log.notes)
     noisy, base = add_imu_errors(felt, model.base, streams["base"])
     drawn["temperature"] = _temperature(log.time - log.time[0], model)
-    g_sensitivity = model.axes("gyro_g_sensitivity_sd")[:, None] * streams["g_sensitivity"].standard_normal((3, 3))
+    g_sensitivity = streams.normal("g_sensitivity", np.tile(model.axes("gyro_g_sensitivity_sd")[:, None], (1, 3)))
     if g_sensitivity.any():
         noisy.gyro[...] += felt.accel @ g_sensitivity.T
     biases, fixed = {}, {"g_sensitivity": g_sensitivity}
     for sensor in ("gyro", "accel"):
         out: Array = getattr(noisy, sensor)
-        asymmetry = model.axes(f"{sensor}_scale_asymmetry_sd") * streams[f"{sensor}_asymmetry"].standard_normal(3)
-        per_kelvin = model.axes(f"{sensor}_temperature_sd") * streams[f"{sensor}_temperature"].standard_normal(3)
+        asymmetry = streams.normal(f"{sensor}_asymmetry", model.axes(f"{sensor}_scale_asymmetry_sd"))
+        per_kelvin = streams.normal(f"{sensor}_temperature", model.axes(f"{sensor}_temperature_sd"))
         fixed |= {f"{sensor}_asymmetry": asymmetry, f"{sensor}_temperature": per_kelvin}
         if asymmetry.any():
             out += asymmetry * np.abs(getattr(felt, sensor))
@@ -216,9 +217,7 @@ def _temperature(since: Array, model: ImuSensorModel) -> Array:
     return model.temperature_ramp * since + warm
 
 
-def _vibration(
-    log: ImuLog, dt: Array, model: ImuSensorModel, sensor: str, streams: dict[str, np.random.Generator]
-) -> Array:
+def _vibration(log: ImuLog, dt: Array, model: ImuSensorModel, sensor: str, streams: Streams) -> Array:
     amplitudes, noise = model.axes(f"{sensor}_vibration"), model.axes(f"{sensor}_vibration_noise")
     if not amplitudes.any() and not noise.any():
         return np.broadcast_to(np.zeros(3), (dt.size, 3))
@@ -262,7 +261,7 @@ def _round(out: Array, lsb: float, kind: str) -> None:
         quantise_increments(lsb, out)
 
 
-def _survivors(log: ImuLog, model: ImuSensorModel, streams: dict[str, np.random.Generator]) -> Array:
+def _survivors(log: ImuLog, model: ImuSensorModel, streams: Streams) -> Array:
     """Rows that are not lost, the first one always among them."""
     kept = np.ones(log.time.size, dtype=bool)
     if model.dropped_fraction > 0.0:

@@ -14,11 +14,12 @@ from navfuse.data.start import Start
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError, InputError
 from navfuse.simulation.drawn_start import drawn_start
-from navfuse.simulation.measured_gnss import GnssTruth, measure_gnss
+from navfuse.simulation.measured_gnss import GnssTruth, measure_gnss, measuring_times
 from navfuse.simulation.measured_imu import ImuSensorTruth, measure_imu
 from navfuse.simulation.motion import Motion
 from navfuse.simulation.perfect_imu import perfect_imu, sample_times
 from navfuse.simulation.scenario import SENSORS, Scenario, StartErrors
+from navfuse.simulation.sensors import antenna_state
 
 Array = np.ndarray
 
@@ -34,11 +35,14 @@ class ScenarioTruth:
         Without errors.
     trajectory : Trajectory
         Of the IMU.
+    antenna : (r_e, v_e) or None
+        Position and velocity (n, 3) of the GNSS antenna whenever the receiver measures.
     """
 
     motion: Motion
     ideal_imu: ImuLog
     trajectory: Trajectory
+    antenna: tuple[Array, Array] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +91,11 @@ def scenario_truth(scenario: Scenario) -> ScenarioTruth:
             f"{scenario.imu_rate:g} Hz"
         )
     truth = motion.trajectory(sample_times(motion.start, motion.end, scenario.truth_rate))
-    return ScenarioTruth(motion, perfect_imu(motion, stamps, scenario.imu_kind), truth)
+    antenna = None
+    if scenario.gnss is not None:
+        times = _named(scenario, "gnss", measuring_times, motion, scenario.gnss)
+        antenna = antenna_state(motion, times, scenario.gnss_lever_arm_b)
+    return ScenarioTruth(motion, perfect_imu(motion, stamps, scenario.imu_kind), truth, antenna)
 
 
 def run_scenario(
@@ -121,14 +129,10 @@ def run_scenario(
     imu, imu_truth = _named(scenario, "imu", measure_imu, truth.ideal_imu, scenario.imu, section_stream(seed, "imu"))
     gnss = gnss_truth = None
     if scenario.gnss is not None:
+        draws = section_stream(seed, "gnss")
+        lever_arm = scenario.gnss_lever_arm_b
         gnss, gnss_truth = _named(
-            scenario,
-            "gnss",
-            measure_gnss,
-            motion,
-            scenario.gnss,
-            section_stream(seed, "gnss"),
-            scenario.gnss_lever_arm_b,
+            scenario, "gnss", measure_gnss, motion, scenario.gnss, draws, lever_arm, truth.antenna
         )
     sensors = {}
     for section, (model, *lever) in scenario.sensors.items() if aiding else ():

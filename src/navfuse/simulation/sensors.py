@@ -105,10 +105,12 @@ def gauss_markov(
     -------
     (n, count) array
         In the unit of `sd`. With finite tau the process is stationary from the first sample on; without tau and walk,
-        one draw is repeated (a read-only view).
+        one draw is repeated (a read-only view), and without any of the three there is none: zeros.
     """
     time = np.asarray(time, dtype=float)
     sds, walks = (np.broadcast_to(np.asarray(x, dtype=float), (count,)).copy() for x in (sd, walk))
+    if not sds.any() and not walks.any():
+        return np.broadcast_to(np.zeros(count), (time.size, count))
     if not math.isfinite(tau) and not walks.any():
         return np.broadcast_to(rng.standard_normal(count) * sds, (time.size, count))
     path = rng.standard_normal((time.size, count))
