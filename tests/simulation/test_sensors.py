@@ -17,6 +17,7 @@ from navfuse.simulation import (
     figure_eight_flight,
     gauss_markov,
     gnss_fixes,
+    noisy_fixes,
     perfect_imu,
     sample_times,
     static,
@@ -244,3 +245,26 @@ def test_impossible_receivers_are_refused(arguments, message):
 def test_a_motion_too_short_for_a_fix_is_refused():
     with pytest.raises(InputError, match="ends at 10 s, before the first GNSS fix at 12 s"):
         gnss_fixes(static(10.0), 1.0, 1.0, None, offset=12.0)
+
+
+def test_noisy_fixes_have_the_times_and_sigmas_of_the_other_log():
+    motion = car_drive(60.0, seed=3)
+    like = gnss_fixes(motion, 10.0, [1.0, 2.0, 4.0], [0.1, 0.2, 0.3], LEVER_ARM)
+    like = like.take(np.flatnonzero(like.time % 1.0 > 0.05))
+    like.sd_position[:50] *= 5.0
+    like.velocity_n[3] = np.nan
+    log = noisy_fixes(motion, like, LEVER_ARM, np.random.default_rng(4))
+    exact = noisy_fixes(motion, like.take(slice(0, 60)), LEVER_ARM, np.random.default_rng(4))
+    assert np.array_equal(log.time, like.time)
+    assert np.array_equal(log.sd_position, like.sd_position)
+    assert np.isnan(log.velocity_n[3]).all()
+    assert np.count_nonzero(np.isnan(log.velocity_n)) == 3
+    assert exact.lat.size == 60
+    truth = gnss_fixes(motion, 10.0, 1.0, 1.0, LEVER_ARM)
+    row = np.searchsorted(truth.time, log.time - 1e-6)
+    north = (log.lat - truth.lat[row]) * 6.37e6
+    assert within_chi_square(north[:50] / 5.0, 1.0)
+    assert within_chi_square(north[50:], 1.0)
+    assert within_chi_square((log.velocity_n - truth.velocity_n[row])[10:], [0.1, 0.2, 0.3], axis=0)
+    with pytest.raises(InputError, match="the motion is known from"):
+        noisy_fixes(car_drive(10.0, seed=3), like, LEVER_ARM, np.random.default_rng(4))
