@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from navfuse.io.imu_table import read_imu
     from navfuse.io.trajectory_table import read_trajectory
     from navfuse.pipeline import process
+    from navfuse.scenario_files import simulate_scenario
 
 __version__ = "0.1.0"
 
@@ -68,6 +69,7 @@ _HOMES = {
     "read_gnss": "navfuse.io.gnss_table",
     "read_imu": "navfuse.io.imu_table",
     "read_trajectory": "navfuse.io.trajectory_table",
+    "simulate_scenario": "navfuse.scenario_files",
 }
 
 __all__ = [
@@ -90,6 +92,7 @@ __all__ = [
     "read_gnss",
     "read_imu",
     "read_trajectory",
+    "simulate_scenario",
 ]
 
 
