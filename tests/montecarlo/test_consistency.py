@@ -79,7 +79,7 @@ def test_scenarios_are_consistent(source, frame):
 @pytest.mark.parametrize("frame", ["ned", "ecef"])
 @pytest.mark.parametrize("source", ["city-car", "boat", "drone"])
 def test_two_hundred_runs_of_a_scenario_are_consistent(source, frame):
-    """Position, velocity, attitude and the whole state inside their 99 % bounds for 97 % of the time, filter and smoother.
+    """Position, velocity, attitude and the whole state inside their 99 % bounds for 97 % of the time; smoother too.
 
     A group may stray by chance for as long as its errors last, so that of the eight judged here one may lie a little
     below the 97 %; the verdict, whose bounds are of the whole campaign, allows nothing.
