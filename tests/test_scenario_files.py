@@ -22,7 +22,7 @@ from navfuse.io.raw_gnss_table import read_raw_gnss
 from navfuse.io.tables import open_table
 from navfuse.io.trajectory_table import read_trajectory
 from navfuse.scenario_files import describe, project_tables, simulate_scenario, write_scenario
-from navfuse.simulation.scenario import SENSORS, load_scenario, read_scenario, scenario_names
+from navfuse.simulation.scenario import SENSORS, load_scenario, read_scenario, scenario_names, scenario_text
 from navfuse.simulation.scenario_run import run_scenario
 
 SHORT = {"": {"duration_s": 40.0}}
@@ -198,6 +198,26 @@ def test_logs_of_an_earlier_scenario_go_and_other_files_stay(tmp_path):
     assert tomllib.loads((tmp_path / "project.toml").read_text())["start"]["sd_attitude_deg"] == pytest.approx(
         [0.2, 0.2, 1.0]
     )
+
+
+def test_what_a_scenario_is_made_of_is_never_replaced(tmp_path):
+    own = tmp_path / "project.toml"
+    own.write_text(scenario_text("static"), encoding="utf-8")
+    with pytest.raises(ConfigError, match="project.toml is what project is made of and would be replaced"):
+        simulate_scenario(own, tmp_path)
+    assert own.read_text(encoding="utf-8") == scenario_text("static")
+    rows = ["time_s,lat_deg,lon_deg,height_m"] + [f"{k},{48.0 + 1e-4 * k},11.0,500.0" for k in range(20)]
+    (tmp_path / "gnss.csv").write_text("\n".join(rows), encoding="utf-8")
+    data = {
+        "motion": {"vehicle": "track", "file": "gnss.csv", "rule": "car"},
+        "imu": {"rate_hz": 20.0},
+        "gnss": {"position_sd_m": 1.0},
+    }
+    scenario = read_scenario(data, "again", folder=tmp_path)
+    with pytest.raises(ConfigError, match="gnss.csv is what again is made of"):
+        simulate_scenario(scenario, tmp_path)
+    simulate_scenario(scenario, tmp_path / "elsewhere")
+    assert (tmp_path / "gnss.csv").read_text(encoding="utf-8") == "\n".join(rows)
 
 
 def test_a_place_that_cannot_be_written_is_found_out_first(tmp_path):

@@ -72,6 +72,9 @@ def simulate_scenario(
     chosen = scenario if isinstance(scenario, Scenario) else load_scenario(Path(scenario))
     project_tables(chosen, None if chosen.start is None else _ANYWHERE)
     stale = (*_OWN_FILES, *(kind.file for kind in SENSORS.values()))
+    for file in chosen.inputs:
+        if file.name in (*stale, chosen.one_table) and file.resolve().parent == Path(folder).resolve():
+            raise ConfigError(f"{file} is what {chosen.name} is made of and would be replaced; choose another folder")
     with atomic_folder(folder, stale=stale) as staging:
         tell("simulate", 0.0)
         logs = run_scenario(chosen, seed)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -123,6 +123,8 @@ class Scenario:
         Name of a CSV file that holds truth, IMU and GNSS together in 19 columns; empty for none.
     project : mapping of mappings
         What the project file shall say beyond the obvious.
+    inputs : tuple of Path
+        Files that it is made of: its own, a track, an almanac.
     """
 
     name: str
@@ -142,6 +144,7 @@ class Scenario:
     truth_rate: float
     one_table: str
     project: Mapping[str, Mapping[str, Any]]
+    inputs: tuple[Path, ...] = ()
 
     @property
     def motion(self) -> Motion:
@@ -204,9 +207,9 @@ def load_scenario(name: str | Path, changes: Mapping[str, Mapping[str, Any]] | N
             raise ConfigError(
                 f"{path}: cannot be read as a scenario: {getattr(error, 'strerror', None) or error}"
             ) from error
-        folder, source = path.expanduser().parent, str(path)
+        folder, source, own = path.expanduser().parent, str(path), (path.expanduser(),)
     else:
-        text, folder, source = scenario_text(str(name)), Path(), str(name)
+        text, folder, source, own = scenario_text(str(name)), Path(), str(name), ()
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -216,7 +219,8 @@ def load_scenario(name: str | Path, changes: Mapping[str, Mapping[str, Any]] | N
         if not isinstance(table, dict):
             raise ConfigError(f"{source}: [{section}] must be a table")
         table.update(keys)
-    return read_scenario(data, path.stem, folder=folder, source=source)
+    scenario = read_scenario(data, path.stem, folder=folder, source=source)
+    return replace(scenario, inputs=(*own, *scenario.inputs))
 
 
 def read_scenario(data: Mapping[str, Any], name: str, *, folder: Path = Path(), source: str = "") -> Scenario:
@@ -248,13 +252,16 @@ def read_scenario(data: Mapping[str, Any], name: str, *, folder: Path = Path(), 
     duration = top.number("duration_s", above=0.0) if "duration_s" in top else math.inf
     truth_rate = _rate(top, "truth_rate_hz", 10.0)
     make_motion = read_motion(top.need("motion"), folder, source)
+    track = top.get("motion").get("file")
+    inputs = [folder / Path(track).expanduser()] if isinstance(track, str) else []
 
     imu = ScenarioTable(f"{source}: [imu]", top.need("imu"))
     imu_rate, kind = _rate(imu, "rate_hz"), imu.text("kind", "increments", ("increments", "rates"))
     grade, printed = imu.text("grade", ""), imu.rest()
     model = _model(imu.where, ImuSensorModel.from_datasheet, grade, **printed)
 
-    receiver, lever = None, (0.0, 0.0, 0.0)
+    receiver: GnssReceiverModel | None = None
+    lever: tuple[float, float, float] = (0.0, 0.0, 0.0)
     if "gnss" in top:
         gnss = ScenarioTable(f"{source}: [gnss]", top.get("gnss"))
         lever = gnss.three("lever_arm_m", (0.0, 0.0, 0.0))
@@ -267,7 +274,8 @@ def read_scenario(data: Mapping[str, Any], name: str, *, folder: Path = Path(), 
             printed_keys = keys.rest()
             almanac = printed_keys.get(_ALMANAC_KEY)
             if isinstance(almanac, str) and almanac not in _OWN_CONSTELLATIONS:
-                printed_keys[_ALMANAC_KEY] = str(folder / Path(almanac).expanduser())
+                inputs.append(folder / Path(almanac).expanduser())
+                printed_keys[_ALMANAC_KEY] = str(inputs[-1])
             sensors[section] = _model(keys.where, sensor.make, **printed_keys), at
         top.get(section)
     start = _start(source, top.get("start")) if "start" in top else None
@@ -280,9 +288,25 @@ def read_scenario(data: Mapping[str, Any], name: str, *, folder: Path = Path(), 
             f"{source}: one_table must name a .csv file without a folder, and needs [gnss]; not {one_table!r}"
         )
     return Scenario(
-        name, title, description, make_motion, seed, duration, imu_rate, kind, model,  # pyright: ignore[reportArgumentType]
-        {"grade": grade} | printed, receiver, lever, sensors, start, truth_rate, one_table, project,
-    )  # fmt: skip
+        name=name,
+        title=title,
+        description=description,
+        make_motion=make_motion,
+        seed=seed,
+        duration=duration,
+        imu_rate=imu_rate,
+        imu_kind="rates" if kind == "rates" else "increments",
+        imu=model,
+        imu_keys={"grade": grade} | printed,
+        gnss=receiver,
+        gnss_lever_arm_b=lever,
+        sensors=sensors,
+        start=start,
+        truth_rate=truth_rate,
+        one_table=one_table,
+        project=project,
+        inputs=tuple(inputs),
+    )
 
 
 def _rate(keys: ScenarioTable, key: str, default: float | None = None) -> float:

@@ -81,7 +81,9 @@ class ScenarioTable:
             raise ConfigError(f"{self.where}: {key} = {value!r} is none of {', '.join(known)}{nearest(value, known)}")
         return value
 
-    def three(self, key: str, default: tuple[float, float, float] | None = None, *, least: float = -math.inf) -> tuple:
+    def three(
+        self, key: str, default: tuple[float, float, float] | None = None, *, least: float = -math.inf
+    ) -> tuple[float, float, float]:
         """Three finite numbers."""
         value = self.need(key) if default is None else self.get(key, default)
         numbers = value if isinstance(value, list | tuple) else ()
@@ -89,7 +91,8 @@ class ScenarioTable:
         if len(good) != 3 or not all(good):
             bound = f" of at least {least:g}" if least > -math.inf else ""
             raise ConfigError(f"{self.where}: {key} must be three finite numbers{bound}, not {value!r}")
-        return tuple(float(x) for x in numbers)
+        x, y, z = map(float, numbers)
+        return x, y, z
 
     def tables(self, key: str) -> list[Any]:
         """A list of tables."""
