@@ -91,7 +91,7 @@ def test_all_runs_failed():
 
 
 def test_a_process_that_dies_is_reported():
-    with pytest.raises(FilterError, match="was ended from outside after 0 runs.*use fewer jobs"):
+    with pytest.raises(FilterError, match="a process of the campaign ended after 0 runs: .*use fewer jobs"):
         run_campaign(ends_its_process, 4, jobs=2)
 
 
