@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import pickle
 
@@ -14,8 +15,9 @@ from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
 from navfuse.data.logs import GnssLog
 from navfuse.errors import ConfigError, FilterError
 from navfuse.filters.ekf import ErrorStateFilter, FilterSettings
+from navfuse.imu.grades import grade
 from navfuse.imu.increments import IncrementsBuilder, to_increments
-from navfuse.simulation import car_drive, simulate
+from navfuse.simulation import car_drive, drawn_start, simulate
 from reference.engine_runs import MEMS, assert_same_record, cut, run_filter, start_at
 
 LEVER = (0.5, -0.3, -1.2)
@@ -229,3 +231,42 @@ def test_a_state_of_other_sensors_is_refused():
     saved = ErrorStateFilter(START, MEMS, sensors()).state()
     with pytest.raises(ConfigError, match="other states or sensors"):
         ErrorStateFilter(START, MEMS, sensors()[:1]).restore(saved)
+
+
+def duplicates(estimator):
+    yield copy.deepcopy(estimator)
+    yield pickle.loads(pickle.dumps(estimator))
+
+
+def test_a_copied_filter_goes_on_like_the_one_it_was_copied_from():
+    logs = simulate(car_drive(40.0, seed=2), grade("tactical"), 3, imu_rate=50.0)
+    increments = to_increments(logs.imu)
+    sensors = [GnssPosition(logs.gnss, np.zeros(3)), GnssVelocity(logs.gnss, np.zeros(3))]
+    motion = logs.motion
+    start = drawn_start(motion, 0.0, [1.0] * 3, [0.1] * 3, [0.01] * 3, np.random.default_rng(4))
+    for chosen in (FilterSettings(checkpoints=True), FilterSettings(ecef=True, open_loop=True)):
+        estimator = ErrorStateFilter(start, grade("tactical"), sensors, chosen)
+        estimator.feed(increments.piece(0, 1000))
+        others = list(duplicates(estimator))
+        estimator.feed(increments.piece(1000))
+        for other in others:
+            other.feed(increments.piece(1000))
+            for name in ("nav", "s", "x", "P"):
+                assert np.array_equal(getattr(other, name), getattr(estimator, name)), name
+
+
+def test_what_is_assigned_is_what_the_filter_goes_on_with():
+    logs = simulate(car_drive(20.0, seed=2), grade("tactical"), 3, imu_rate=50.0)
+    start = drawn_start(logs.motion, 0.0, [1.0] * 3, [0.1] * 3, [0.01] * 3, np.random.default_rng(4))
+    estimator = ErrorStateFilter(start, grade("tactical"), [GnssPosition(logs.gnss, np.zeros(3))])
+    increments = to_increments(logs.imu)
+    estimator.feed(increments.piece(0, 500))
+    estimator.P = 4.0 * estimator.P
+    estimator.nav = estimator.nav.copy()
+    before = estimator.nav_state()
+    height = before.height
+    expected = estimator.P.copy()
+    assert estimator.state()["P"] == pytest.approx(expected)
+    estimator.feed(increments.piece(500))
+    assert before.height == height
+    assert 0.1 < np.sqrt(estimator.P[0, 0]) < 2.0

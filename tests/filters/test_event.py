@@ -9,12 +9,14 @@ from navfuse.aiding.base import AidingSensor
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
 from navfuse.core.kalman import update
 from navfuse.data.nav_state import apply_correction
+from navfuse.errors import FilterError
 from navfuse.filters.ekf import ErrorStateFilter
 from navfuse.filters.event import carrier, note, parts, room, split, take
 from navfuse.filters.record import USED
 from navfuse.filters.settings import FilterSettings
+from navfuse.imu.grades import grade
 from navfuse.imu.increments import to_increments
-from navfuse.simulation import car_drive, simulate
+from navfuse.simulation import car_drive, perfect_imu, sample_times, simulate, static
 from navfuse.smoothers.rts import smooth
 from reference.engine_runs import MEMS, assert_same_record, cut, run_filter, start_at
 
@@ -165,3 +167,58 @@ def test_without_checkpoints_a_record_keeps_no_more_than_innovations():
         assert np.array_equal(one.S, other.S)
         assert (one.numbers.size, other.numbers.size) == (room(3, kept.layout.size), 12)
         assert other.numbers.base is None
+
+
+class Misshapen(AidingSensor):
+    """Says what it is told to say."""
+
+    name = "misshapen"
+
+    def __init__(self, *answer):
+        self.times = np.array([1.0])
+        self.answer = answer
+
+    def value(self, k):
+        return np.zeros(1)
+
+    def predict(self, nav, k):
+        return np.zeros(1)
+
+    def noise(self, k):
+        return np.ones(1)
+
+    def linearize(self, nav, k):
+        return self.answer
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        (np.zeros(3), np.zeros((1, 21)), np.eye(3)),
+        (np.zeros(3), np.zeros((3, 9)), np.eye(3)),
+        (np.zeros(3), np.zeros((3, 21)), np.eye(1)),
+        (np.zeros(1), np.zeros(21), np.eye(1)),
+        (np.zeros((3, 1)), np.zeros((3, 21)), np.eye(3)),
+    ],
+)
+def test_a_measurement_of_the_wrong_shape_is_refused_by_name(answer):
+    estimator = ErrorStateFilter(
+        start_at(static(3.0), 0.0, [1.0] * 3, [0.1] * 3, [0.01] * 3), grade("tactical"), [Misshapen(*answer)]
+    )
+    increments = to_increments(perfect_imu(static(3.0), sample_times(0.0, 3.0, 20.0)))
+    with pytest.raises(
+        FilterError, match=r"misshapen measurement 0 at 1.000 s: linearize gives z, H and R of the shapes"
+    ):
+        estimator.feed(increments)
+
+
+def test_an_infinite_innovation_changes_nothing():
+    n = 21
+    answer = np.full(1, np.inf), np.eye(1, n), np.eye(1)
+    estimator = ErrorStateFilter(
+        start_at(static(3.0), 0.0, [1.0] * 3, [0.1] * 3, [0.01] * 3), grade("tactical"), [Misshapen(*answer)]
+    )
+    increments = to_increments(perfect_imu(static(3.0), sample_times(0.0, 3.0, 20.0)))
+    with pytest.raises(FilterError, match="misshapen measurement 0 at 1.000 s cannot be used"):
+        estimator.feed(increments)
+    assert np.isfinite(estimator.nav).all()

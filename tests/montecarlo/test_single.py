@@ -10,7 +10,7 @@ from navfuse.data.layout import Block, Layout
 from navfuse.errors import ConfigError
 from navfuse.filters.ekf import ErrorStateFilter
 from navfuse.imu.increments import to_increments
-from navfuse.montecarlo import SimulatedRecipe, run_case, single
+from navfuse.montecarlo import SimulatedRecipe, assess, run_campaign, run_case, single
 from navfuse.montecarlo.single import sensor_truth
 from navfuse.smoothers.rts import smooth
 from reference.engine_runs import cut, nav_at
@@ -154,4 +154,19 @@ def test_long_runs_are_judged_at_some_of_their_epochs(monkeypatch):
     np.testing.assert_array_equal(third.error, every.error[::3])
     np.testing.assert_array_equal(third.nees["whole state"], every.nees["whole state"][::3])
     np.testing.assert_allclose(third.smoothed_nees["whole state"], every.smoothed_nees["whole state"][::3])
-    assert set(np.round(third.innovations.time, 6)) <= set(np.round(third.time, 6))
+    for source in ("gnss_position", "gnss_velocity"):
+        assert len(third.innovations.of(source)) == 11
+        assert len(every.innovations.of(source)) == 31
+
+
+def test_a_held_heading_leaves_the_smoother_unjudged_and_the_filter_judged():
+    recipe = SimulatedRecipe("car", duration=60.0, imu_rate=20.0, smooth=True, start_sd_attitude_deg=(1.0, 1.0, 60.0))
+    record = run_case(recipe(0), 0)
+    held = np.isnan(record.smoothed_nees["position"])
+    assert 5 < np.count_nonzero(held) < held.size
+    assert not held[-1]
+    assert np.isfinite(record.nees["whole state"]).all()
+    still = SimulatedRecipe("static", duration=30.0, imu_rate=20.0, smooth=True, start_sd_attitude_deg=(1.0, 1.0, 60.0))
+    found = assess(run_campaign(still, 4, jobs=1))
+    assert found["smoother"].nees == {}
+    assert found["filter"].nees

@@ -15,8 +15,9 @@ from navfuse.data.layout import NAVIGATION_STATES, Layout
 from navfuse.data.nav_state import NavState, sensor_offsets, to_ecef
 from navfuse.data.start import Start
 from navfuse.errors import ConfigError, FilterError
+from navfuse.filters.carrier import Carrier
 from navfuse.filters.doubt import bridge, loosen
-from navfuse.filters.event import carrier, note, room, split, take
+from navfuse.filters.event import note, room, take
 from navfuse.filters.gate import Gate
 from navfuse.filters.heading_hold import HeadingHold
 from navfuse.filters.output import OutputBuffer
@@ -47,7 +48,7 @@ POLAR_LATITUDE = float(np.radians(89.95))
 NOTHING = np.empty(0)
 
 
-class ErrorStateFilter:
+class ErrorStateFilter(Carrier):
     """Inertial navigation corrected by aiding sensors, fed piece by piece.
 
     Feeding the same increments in blocks of any size gives bit-identical results, provided each measurement is known
@@ -68,8 +69,6 @@ class ErrorStateFilter:
         Names of the states.
     time : float [s]
         Where the filter stands.
-    P : (n, n) array
-        Covariance of the errors in the order of `layout`.
     record : FilterRecord
         Output, innovations and checkpoints so far.
 
@@ -105,8 +104,7 @@ class ErrorStateFilter:
             settings.output_period,
         )
         self.time = float(start.time)
-        self._carried = carrier(n)
-        self.nav, self.s, self.x, self.P = split(self._carried)
+        self._carry(n)
         self.nav[:] = start.nav
         self.P[:9, :9] = start.P
         self.P[range(9, n), range(9, n)] = sd**2
@@ -119,8 +117,6 @@ class ErrorStateFilter:
                 self.s[where.start - NAVIGATION_STATES : where.stop - NAVIGATION_STATES] = value
                 self.P[range(where.start, where.stop), range(where.start, where.stop)] = np.square(sd)
         self._acc = self.propagator.accumulator()
-        self._last = np.zeros(6)
-        self._rates = self._last[:3], self._last[3:]
         self._linear = True
         self._emitted = self._bridged = -np.inf
         self._hold = HeadingHold(self.nav[3:6])
@@ -132,14 +128,17 @@ class ErrorStateFilter:
         self._output = OutputBuffer(self.propagator)
         self._gates = [Gate(sensor.gate, settings) for sensor in self.sensors]
         self._sensor_sd = layout.per_state("sd")
-        fixed = sensor_offsets(layout), settings.ecef, settings.open_loop
-        self._take = partial(take, self._carried, self._last, *fixed)
         self.record = FilterRecord(layout)
         self._hold_heading()
         self._keep_checkpoint(0, ())
         if period == 0 or (period > 0 and abs(self._out_next * period - self.time) <= TIME_TOLERANCE):
             self._note(put=True)
             self._output.flush(self.record)
+
+    def _bind(self) -> None:
+        super()._bind()
+        fixed = sensor_offsets(self.layout), self.settings.ecef, self.settings.open_loop
+        self._take = partial(take, self._carried, self._last, *fixed)
 
     def _rotate_start(self) -> None:
         C = np.kron(np.eye(3), np.array(dcm_en(self.nav[0], self.nav[1])).reshape(3, 3))
@@ -264,9 +263,18 @@ class ErrorStateFilter:
             )
 
     def nav_state(self) -> NavState:
-        """The corrected navigation state where the filter stands, as sensors see it."""
-        nav = NavState(self.time, self.nav, self.settings.ecef, self.s, self.layout, *self._rates)
-        return nav.boxplus(self.x) if self.settings.open_loop else nav
+        """The corrected navigation state where the filter stands; a copy, which stays when the filter goes on."""
+        now = self._seen()
+        if self.settings.open_loop:
+            return now
+        arrays = now.array.copy(), now.ecef, now.states.copy(), now.layout, now.w_ib_b.copy(), now.f_b.copy()
+        return NavState(now.time, *arrays)
+
+    def _seen(self) -> NavState:
+        """The corrected navigation state as a sensor sees it while it is asked: in a closed loop, views."""
+        nav, s, x, _ = self._views
+        now = NavState(self.time, nav, self.settings.ecef, s, self.layout, self._last[:3], self._last[3:])
+        return now.boxplus(x) if self.settings.open_loop else now
 
     def _hold_heading(self) -> None:
         if self._hold.moved:
@@ -287,8 +295,14 @@ class ErrorStateFilter:
         if time < self.time - TIME_TOLERANCE or self._acc[ACC_TIME] > 0.0:
             self.record.innovations.append(Innovation(time, sensor.name, row, LATE, np.nan, 0, NOTHING))
             return True
-        z, H, R = sensor.linearize(self.nav_state(), k)
+        z, H, R = sensor.linearize(self._seen(), k)
         d = z.size
+        if z.shape != (d,) or H.shape != (d, self.layout.size) or R.shape != (d, d):
+            raise FilterError(
+                f"{sensor.name} measurement {k} at {time:.3f} s: linearize gives z, H and R of the shapes {z.shape}, "
+                f"{H.shape}, {R.shape}; with {self.layout.size} states they must be (d,), (d, {self.layout.size}) and "
+                "(d, d)"
+            )
         numbers = np.empty(room(d, self.layout.size))
         withheld = sensor.withheld(k)
         keeper = self._gates[which]

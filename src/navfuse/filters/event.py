@@ -99,7 +99,7 @@ def take(carried, rates, offsets, ecef, open_loop, z, H, R, limit, held, numbers
         for i in range(n):
             kept_H[a, i] = H[a, i]
     nis = update(P, H, R, z, limit, held, K, S, Sinv, dx)
-    if not nis <= limit:
+    if not nis <= limit or nis == np.inf:
         return nis
     if open_loop:
         for i in range(n):

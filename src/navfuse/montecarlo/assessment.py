@@ -171,9 +171,12 @@ def _assessment(
     components, dof = runs[0].components, runs[0].dof
     error, sd = (np.array([getattr(run, prefix + name) for run in runs]) for name in ("error", "sd"))
     squared = {name: np.array([getattr(run, f"{prefix}nees")[name] for run in runs]) for name in dof}
-    nees = {name: average(name, time, squared[name], dof[name]) for name in dof}
-    all_groups = family_probability(len(dof), VERDICT_PROBABILITY)
-    judged_groups = [average(name, time, squared[name], dof[name], all_groups).after(begin) for name in dof]
+    some = {name: np.isfinite(values).any(axis=0) for name, values in squared.items()}
+    tested = [name for name in dof if (some[name] & (time >= begin - SAME_TIME)).any()]
+    of_tested = {name: (time[some[name]], squared[name][:, some[name]], dof[name]) for name in tested}
+    nees = {name: average(name, *values) for name, values in of_tested.items()}
+    all_groups = family_probability(max(len(tested), 1), VERDICT_PROBABILITY)
+    judged_groups = [average(name, *values, all_groups).after(begin) for name, values in of_tested.items()]
     there = np.asarray(np.all(np.isfinite(error) & (sd > 0.0), axis=0))
     judged = np.asarray(time >= begin - SAME_TIME)
     usable = np.flatnonzero((there & judged[:, None]).any(axis=0)).tolist()

@@ -136,7 +136,7 @@ def _in_processes(recipe: Recipe, seeds: list[int], jobs: int, collected: _Colle
     except BrokenProcessPool as error:
         raise FilterError(
             f"a process of the campaign ended after {len(collected.runs)} runs: most often for want of memory (use "
-            "fewer jobs), or because the script that calls it does so outside of `if __name__ == \"__main__\":`"
+            'fewer jobs), or because the script that calls it does so outside of `if __name__ == "__main__":`'
         ) from error
     finally:
         pool.shutdown(wait=True, cancel_futures=True)

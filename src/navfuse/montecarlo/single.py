@@ -34,7 +34,7 @@ Array = np.ndarray
 SAME_TIME = 1e-6
 """Epochs closer than this [s] are one."""
 MOST_EPOCHS = 2500
-"""Of a run that are judged; of more measurements every second, third, ... is, from the first on."""
+"""Of a run that are judged, and measurements of a source that are kept, spread evenly over it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +55,8 @@ class RunRecord:
     innovations : Innovations
     smoothed_error, smoothed_sd : (m, n) arrays [SI] or None
     smoothed_nees : dict of str to (m,) array
-        The same of the smoother; empty without one.
+        The same of the smoother; empty without one. NaN while the filter held its heading: the smoothed covariance
+        leaves out what that did to the other states.
     samples : int
         IMU samples that the filter took in.
     seconds : float
@@ -134,7 +135,10 @@ def run_case(case: Case, seed: int = 0) -> RunRecord:
             reset_attitude(back.P[row], back.error[row, 6:9])
         error, J = _errors(case, layout, time, nav, s + back.error[:, 9:])
         smoothed_error, smoothed_sd = to_components(error, back.P, J)
-        smoothed_nees = nees_of_groups(error, back.P, groups)
+        free = _behind_held_heading([record.checkpoints[k] for k in kept.tolist()])
+        smoothed_nees = {name: np.full(time.size, np.nan) for name in groups}
+        for name, values_ in nees_of_groups(error[free:], back.P[free:], groups).items():
+            smoothed_nees[name][free:] = values_
     return RunRecord(
         seed,
         components,
@@ -143,7 +147,7 @@ def run_case(case: Case, seed: int = 0) -> RunRecord:
         sd,
         nees,
         {name: index.size for name, index in groups.items()},
-        _innovations(record, time),
+        _innovations(record),
         smoothed_error,
         smoothed_sd,
         smoothed_nees,
@@ -155,16 +159,26 @@ def run_case(case: Case, seed: int = 0) -> RunRecord:
 def _epochs(checkpoints: list[Checkpoint]) -> Array:
     """Numbers of the checkpoints that are judged: the last of each time, and no more than MOST_EPOCHS, evenly."""
     time = np.array([checkpoint.time for checkpoint in checkpoints])
-    last = np.flatnonzero(np.append(np.diff(time) > SAME_TIME, True))
-    return last[:: -(-last.size // MOST_EPOCHS)]
+    return _some(np.flatnonzero(np.append(np.diff(time) > SAME_TIME, True)))
 
 
-def _innovations(record: FilterRecord, time: Array) -> Innovations:
-    """Those of the epochs that are judged."""
+def _some(index: Array) -> Array:
+    """No more than MOST_EPOCHS of some indices, evenly, the first and the last among them."""
+    if index.size <= MOST_EPOCHS:
+        return index
+    return index[np.linspace(0, index.size - 1, MOST_EPOCHS).round().astype(np.int64)]
+
+
+def _behind_held_heading(checkpoints: list[Checkpoint]) -> int:
+    """How many checkpoints there are up to the last at which the heading was held."""
+    return max((k + 1 for k, checkpoint in enumerate(checkpoints) if checkpoint.held.any()), default=0)
+
+
+def _innovations(record: FilterRecord) -> Innovations:
+    """Measurements, of every source no more than MOST_EPOCHS."""
     found = collect_innovations([record])
-    row = np.clip(np.searchsorted(time, found.time - SAME_TIME), 0, time.size - 1)
-    at_epoch = np.abs(time[row] - found.time) <= SAME_TIME
-    return found if at_epoch.all() else found.select(at_epoch)
+    kept = [_some(np.flatnonzero(found.source == source)) for source in found.sources]
+    return found if len(found) == sum(map(len, kept)) else found.select(np.sort(np.concatenate(kept)))
 
 
 def _errors(case: Case, layout: Layout, time: Array, nav: Array, s: Array) -> tuple[Array, Array]:

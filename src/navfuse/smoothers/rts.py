@@ -239,7 +239,13 @@ def smooth(
     Raises
     ------
     ConfigError
-        If the filter kept no checkpoints, or the increments are others.
+        If the filter kept no checkpoints, the increments are others, or `events` are no ascending numbers of
+        checkpoints.
+
+    Notes
+    -----
+    While the filter holds its heading (:class:`~navfuse.filters.heading_hold.HeadingHold`) the covariance at `events`
+    is not to be used: it leaves out what dropping the correlations did to the other states.
     """
     record, settings = filter_.record, filter_.settings
     if not record.checkpoints:
@@ -255,8 +261,11 @@ def smooth(
     times: list[Array] = []
     pieces: list[Array] = []
     values, deviations, value_times = [], [], []
+    numbers = np.asarray(events, dtype=np.int64)
+    if numbers.size and (numbers[0] < 0 or numbers[-1] >= len(record.checkpoints) or np.any(np.diff(numbers) <= 0)):
+        raise ConfigError(f"events must be ascending numbers of the {len(record.checkpoints)} checkpoints")
     wanted, last = np.zeros(len(record.checkpoints), dtype=bool), len(record.checkpoints) - 1
-    wanted[list(events)] = True
+    wanted[numbers] = True
     errors, covariances = np.empty((len(events), n)), np.empty((len(events), n, n))
     row = len(events)
     end = filter_.time
