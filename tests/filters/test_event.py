@@ -169,6 +169,13 @@ def test_without_checkpoints_a_record_keeps_no_more_than_innovations():
         assert other.numbers.base is None
 
 
+def standing(sensor):
+    """A filter at rest with one sensor, and increments of some seconds."""
+    start = start_at(static(3.0), 0.0, [1.0] * 3, [0.1] * 3, [0.01] * 3)
+    increments = to_increments(perfect_imu(static(3.0), sample_times(0.0, 3.0, 20.0)))
+    return ErrorStateFilter(start, grade("tactical"), [sensor]), increments
+
+
 class Misshapen(AidingSensor):
     """Says what it is told to say."""
 
@@ -202,10 +209,7 @@ class Misshapen(AidingSensor):
     ],
 )
 def test_a_measurement_of_the_wrong_shape_is_refused_by_name(answer):
-    estimator = ErrorStateFilter(
-        start_at(static(3.0), 0.0, [1.0] * 3, [0.1] * 3, [0.01] * 3), grade("tactical"), [Misshapen(*answer)]
-    )
-    increments = to_increments(perfect_imu(static(3.0), sample_times(0.0, 3.0, 20.0)))
+    estimator, increments = standing(Misshapen(*answer))
     with pytest.raises(
         FilterError, match=r"misshapen measurement 0 at 1.000 s: linearize gives z, H and R of the shapes"
     ):
@@ -215,10 +219,7 @@ def test_a_measurement_of_the_wrong_shape_is_refused_by_name(answer):
 def test_an_infinite_innovation_changes_nothing():
     n = 21
     answer = np.full(1, np.inf), np.eye(1, n), np.eye(1)
-    estimator = ErrorStateFilter(
-        start_at(static(3.0), 0.0, [1.0] * 3, [0.1] * 3, [0.01] * 3), grade("tactical"), [Misshapen(*answer)]
-    )
-    increments = to_increments(perfect_imu(static(3.0), sample_times(0.0, 3.0, 20.0)))
+    estimator, increments = standing(Misshapen(*answer))
     with pytest.raises(FilterError, match="misshapen measurement 0 at 1.000 s cannot be used"):
         estimator.feed(increments)
     assert np.isfinite(estimator.nav).all()

@@ -8,7 +8,7 @@ from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
 from navfuse.errors import ConfigError
 from navfuse.filters.ekf import ErrorStateFilter, FilterSettings
 from navfuse.imu.increments import to_increments
-from navfuse.simulation import car_drive, circle_flight, gnss_fixes, simulate
+from navfuse.simulation import car_drive, circle_flight, gnss_fixes, perfect_imu, sample_times, simulate
 from navfuse.smoothers.rts import smooth
 from reference.engine_runs import MEMS, cut, nav_at, perfect_increments, run_filter, start_at
 from reference.linear_filter_twin import batch, dense_filter, rauch_tung_striebel, to_e
@@ -223,3 +223,15 @@ def test_a_filter_without_checkpoints_cannot_be_smoothed():
     filter_ = run_filter(start_at(LOGS.motion, 0.0, *SD), MEMS, [], INCREMENTS)
     with pytest.raises(ConfigError, match="checkpoints=True"):
         smooth(filter_, INCREMENTS)
+
+
+@pytest.mark.parametrize("events", [[2, 1], [1, 1], [-1], [99]])
+def test_events_are_ascending_numbers_of_checkpoints(events):
+    motion = car_drive(4.0, seed=1)
+    increments = to_increments(perfect_imu(motion, sample_times(0.0, 4.0, 20.0)))
+    start = start_at(motion, 0.0, [1.0] * 3, [0.1] * 3, [0.01] * 3)
+    position = GnssPosition(gnss_fixes(motion, 1.0, 1.0, None), np.zeros(3))
+    estimator = ErrorStateFilter(start, MEMS, [position], FilterSettings(checkpoints=True))
+    estimator.feed(increments)
+    with pytest.raises(ConfigError, match="events must be ascending numbers of the"):
+        smooth(estimator, increments, events=events)
