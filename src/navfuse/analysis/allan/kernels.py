@@ -39,10 +39,13 @@ def integrate(values, mean, scale, out):
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc"})
 def _allan_piece(x, begin, end, step, m):
+    """Views with indices from 0 let the compiler see that none is negative, which it needs for vectors."""
     total = 0.0
     if step == 1:
-        for i in range(begin, end):
-            d = (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i])
+        n = end - begin
+        first, middle, last = x[begin:end], x[begin + m : end + m], x[begin + 2 * m : end + 2 * m]
+        for i in range(n):
+            d = (last[i] - middle[i]) - (middle[i] - first[i])
             total += d * d
     else:
         for j in range(begin, end):
@@ -56,8 +59,11 @@ def _allan_piece(x, begin, end, step, m):
 def _hadamard_piece(x, begin, end, step, m):
     total = 0.0
     if step == 1:
-        for i in range(begin, end):
-            d = (x[i + 3 * m] - x[i]) - 3.0 * (x[i + 2 * m] - x[i + m])
+        n = end - begin
+        first, second = x[begin:end], x[begin + m : end + m]
+        third, fourth = x[begin + 2 * m : end + 2 * m], x[begin + 3 * m : end + 3 * m]
+        for i in range(n):
+            d = (fourth[i] - first[i]) - 3.0 * (third[i] - second[i])
             total += d * d
     else:
         for j in range(begin, end):
@@ -74,8 +80,11 @@ def _modified_piece(x, begin, end, m):
     for i in range(begin, begin + m):
         window += (x[i + 2 * m] - x[i + m]) - (x[i + m] - x[i])
     total = window * window
-    for i in range(begin, end - 1):
-        window += (x[i + 3 * m] - x[i]) - 3.0 * (x[i + 2 * m] - x[i + m])
+    n = end - 1 - begin
+    first, second = x[begin : begin + n], x[begin + m : begin + n + m]
+    third, fourth = x[begin + 2 * m : begin + n + 2 * m], x[begin + 3 * m : begin + n + 3 * m]
+    for i in range(n):
+        window += (fourth[i] - first[i]) - 3.0 * (third[i] - second[i])
         total += window * window
     return total
 

@@ -1,0 +1,443 @@
+"""Which noise terms a record shows, how large they are, and how sure that is.
+
+The likelihood is that of :mod:`navfuse.analysis.allan.likelihood`: each point of the spectrum enters with exactly the
+confidence it has, and no correlation between averaging times is left out, which is what a least-squares fit to an Allan
+curve cannot give. All subsets of the terms are fitted; each term has to earn :data:`PRICE` of twice the log-likelihood.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from navfuse.analysis.allan.likelihood import CosineSpectrum, Restricted, cosine_spectrum
+from navfuse.analysis.allan.terms import (
+    FLOOR,
+    RANDOM_TERMS,
+    TERMS,
+    Flicker,
+    allan_variance,
+    flicker,
+    gauss_markov_density,
+    random_density,
+)
+from navfuse.errors import ConfigError, InputError
+
+Array = np.ndarray
+
+PRICE = 6.0
+"""What a term has to add to twice the log-likelihood; by chance alone it does so in 0.7 % of the records."""
+
+GM_PRICE = 14.0
+"""The same of a Gauss-Markov process, which has two parameters and many correlation times to try."""
+
+RAMP_SIGMAS = 3.5
+"""A ramp of fewer sigmas is not reported."""
+
+WANTED = 0.25
+"""Relative one sigma that the stated least length of a record is for."""
+
+SHORTEST = 1000
+"""Samples; shorter records are refused."""
+
+_LEAST_LOG = -80.0
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """One noise term of one axis, in SI units.
+
+    Attributes
+    ----------
+    name : str
+        One of :data:`~navfuse.analysis.allan.terms.TERMS`.
+    present : bool
+    value, sigma : float
+        Coefficient and its standard deviation; NaN if absent. Of a Gauss-Markov process its standard deviation.
+    limit : float
+        If absent: what the coefficient stays below with 95 % confidence. NaN if present.
+    extra, extra_sigma : float
+        Correlation time [s] of a Gauss-Markov process, frequency [Hz] of a sinusoid; NaN otherwise.
+    least_span : float [s]
+        Length of record at which one sigma is a quarter of the value: shorter records do not give this term.
+    gain : float
+        What the term adds to twice the log-likelihood; for a ramp the square of value over sigma.
+    """
+
+    name: str
+    present: bool
+    value: float = math.nan
+    sigma: float = math.nan
+    limit: float = math.nan
+    extra: float = math.nan
+    extra_sigma: float = math.nan
+    least_span: float = math.nan
+    gain: float = math.nan
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """Noise terms of one axis and how well they describe the record.
+
+    Attributes
+    ----------
+    terms : tuple of Term
+        Every term that was asked for, in the order of :data:`~navfuse.analysis.allan.terms.TERMS`.
+    spectrum : CosineSpectrum
+    density : (b,) array
+        Fitted density at the frequencies of the spectrum.
+    chi2, dof : float
+        Sum of squared residuals of the bins, and what it should be.
+    misfit : float
+        Relative error of the model that has to be assumed in each bin to explain the residuals; 0 for a model that
+        fits. The standard deviations include it.
+    correlation : (p, p) array
+        Correlation of the logarithms of the coefficients, in the order of `parameters`.
+    parameters : tuple of str
+    flicker : Flicker
+    span : float [s]
+        Length of the stretch that was used.
+    """
+
+    terms: tuple[Term, ...]
+    spectrum: CosineSpectrum
+    density: Array
+    chi2: float
+    dof: float
+    misfit: float
+    correlation: Array
+    parameters: tuple[str, ...]
+    flicker: Flicker
+    span: float
+    notes: tuple[str, ...] = field(default=())
+
+    def term(self, name: str) -> Term:
+        """The first term of this name."""
+        return next(term for term in self.terms if term.name == name)
+
+    def allan_variance(self, tau: Array, name: str | None = None) -> Array:
+        """Allan variance of the fitted model, or of one of its terms (NaN if absent)."""
+        parts = [term for term in self.terms if term.present and name in (None, term.name)]
+        if not parts:
+            return np.full(np.shape(tau), np.nan)
+        total = np.zeros(np.shape(tau))
+        for term in parts:
+            values = {term.name: term.value, "GM_tau": term.extra, "sin_hz": term.extra}
+            total += allan_variance(term.name, tau, values, self.flicker)
+        return total
+
+
+@dataclass(slots=True, eq=False)
+class _Fit:
+    """Logarithms of the squared coefficients, then of the correlation time, at the maximum of the likelihood."""
+
+    names: tuple[str, ...]
+    log: Array
+    total: float
+    density: Array
+    slopes: Array
+    """Derivatives of the log density by the parameters (p, b)."""
+
+
+def identify(
+    values: Array,
+    rate: float,
+    *,
+    terms: tuple[str, ...] = ("Q", "N", "B", "K", "R"),
+    flicker_band: tuple[float, float] = (0.1, 1e4),
+) -> Identification:
+    """Noise terms of a record of rates without gaps.
+
+    Parameters
+    ----------
+    values : (n,) array
+        Rates; for increments divide by the sampling interval.
+    rate : float [Hz]
+    terms : tuple of str
+        Terms to look for, of :data:`~navfuse.analysis.allan.terms.TERMS`.
+    flicker_band : (float, float) [s]
+        Correlation times between which bias instability is flat.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    InputError
+        For a record of fewer than 1000 samples, with values that are not finite, or a constant one.
+    ConfigError
+        For an unknown term, none at all, or a band that is not at least a decade.
+    """
+    unknown = [name for name in terms if name not in TERMS]
+    if unknown or not terms:
+        raise ConfigError(f"noise terms {', '.join(unknown) or '(none)'}: known are {', '.join(TERMS)}")
+    if not (0.0 < flicker_band[0] and 10.0 * flicker_band[0] <= flicker_band[1] < math.inf):
+        raise ConfigError(
+            f"flicker_band = {flicker_band} must be two correlation times in seconds, a decade or more apart"
+        )
+    values = np.asarray(values, dtype=np.float64)
+    if values.ndim != 1 or values.size < SHORTEST:
+        raise InputError(
+            f"a record of {values.size} samples is too short to identify noise: at least {SHORTEST} are needed"
+        )
+    if not np.isfinite(values).all():
+        raise InputError("the record has values that are not finite; identify one stretch between gaps at a time")
+    if np.ptp(values) == 0.0:
+        raise InputError("the record is constant: a channel without any noise is not connected, or stuck")
+    dt = 1.0 / rate
+    lines: list[Term] = []
+    if "sin" in terms:
+        from navfuse.analysis.allan.lines import take_lines_out
+
+        values, lines = take_lines_out(values, rate)
+    spectrum = cosine_spectrum(values, dt)
+    model = _Model(spectrum, flicker(spectrum.span, *flicker_band))
+    return _select(model, terms, lines)
+
+
+class _Model:
+    """Densities of the terms for one spectrum, and fits of sets of terms to it."""
+
+    def __init__(self, spectrum: CosineSpectrum, noise: Flicker) -> None:
+        self.spectrum, self.flicker = spectrum, noise
+        f, dt, span = spectrum.frequency, spectrum.dt, spectrum.span
+        self.shapes = {name: random_density(name, f, dt, span, noise) for name in RANDOM_TERMS}
+        self.raw = np.maximum(spectrum.power / spectrum.dof, 1e-300)
+
+    def log_densities(self, names: tuple[str, ...], log: Array) -> Array:
+        """Logarithms of the densities of the terms (p, b); the correlation time of GM stands last in `log`."""
+        rows = []
+        for name, size in zip(names, log, strict=False):
+            if name == "GM":
+                tau = math.exp(log[-1])
+                shape = gauss_markov_density(self.spectrum.frequency, self.spectrum.dt, self.spectrum.span, tau)
+            else:
+                shape = self.shapes[name]
+            rows.append(size + np.log(shape))
+        return np.array(rows)
+
+    def density(self, names: tuple[str, ...], log: Array) -> tuple[Array, Array]:
+        """Density (b,) and the derivatives of its logarithm by the parameters (p, b)."""
+        parts = self.log_densities(names, log)
+        top = parts.max(axis=0)
+        whole = np.exp(parts - top).sum(axis=0)
+        slopes = np.exp(parts - top) / whole
+        density = np.exp(top) * whole
+        if "GM" in names:
+            step = 1e-4
+            up, down = log.copy(), log.copy()
+            up[-1] += step
+            down[-1] -= step
+            k = names.index("GM")
+            change = (self.log_densities(names, up)[k] - self.log_densities(names, down)[k]) / (2.0 * step)
+            slopes = np.vstack([slopes, slopes[k] * change])
+        return density, slopes
+
+    def start(self, name: str) -> float:
+        """Where the term alone would stay below the spectrum: a tenth of its tangent, as logarithm of its square."""
+        f = self.spectrum.frequency
+        width = max(5, f.size // 40)
+        smooth = np.convolve(self.raw, np.full(width, 1.0 / width), "valid")
+        shape = np.convolve(self.shapes[name], np.full(width, 1.0 / width), "valid")
+        return math.log(float(np.min(smooth / shape)))
+
+    def fit(self, names: tuple[str, ...], likelihood: Restricted, begin: Array | None = None) -> _Fit:
+        """Maximise the likelihood over the coefficients."""
+        from scipy.optimize import minimize
+
+        if begin is None:
+            begin = np.array([self.start(name) for name in names])
+        level = np.array([self.start(name) for name in RANDOM_TERMS])
+        lower = {name: low - 25.0 for name, low in zip(RANDOM_TERMS, level, strict=True)}
+
+        def negative(log: Array) -> tuple[float, Array]:
+            density, slopes = self.density(names, log)
+            total, slope = likelihood.value(density)
+            return -total, -(slopes @ slope)
+
+        bounds = [(lower[name], lower[name] + 60.0) if name != "GM" else (None, None) for name in names]
+        if "GM" in names:
+            s = self.spectrum
+            bounds.append((math.log(2.0 * s.dt), math.log(s.span)))
+        found = minimize(
+            negative, begin, jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 300, "ftol": 1e-13}
+        )
+        log = _polish(found.x, negative, self, names, likelihood)
+        density, slopes = self.density(names, log)
+        return _Fit(names, log, likelihood.value(density)[0], density, slopes)
+
+
+def _polish(log: Array, negative, model: _Model, names: tuple[str, ...], likelihood: Restricted) -> Array:
+    """A few Fisher-scoring steps, which end where the gradient is exactly zero."""
+    value, gradient = negative(log)
+    for _ in range(20):
+        _, slopes = model.density(names, log)
+        information = 0.5 * (slopes * likelihood.dof) @ slopes.T
+        try:
+            step = np.linalg.solve(information + 1e-9 * np.eye(log.size), -gradient)
+        except np.linalg.LinAlgError:
+            break
+        step *= min(1.0, 1.0 / max(1e-12, float(np.max(np.abs(step)))))
+        new_value, new_gradient = negative(log + step)
+        if not new_value <= value:
+            break
+        log, gain = log + step, value - new_value
+        value, gradient = new_value, new_gradient
+        if gain < 1e-10:
+            break
+    return log
+
+
+def _best_subset(model: _Model, wanted: tuple[str, ...], likelihood: Restricted) -> _Fit:
+    """The set of terms with the largest likelihood less the price of each term."""
+    best: _Fit | None = None
+    random = [name for name in RANDOM_TERMS if name in wanted]
+    for size in range(1, len(random) + 1):
+        for names in itertools.combinations(random, size):
+            fit = model.fit(names, likelihood)
+            if best is None or 2.0 * fit.total - PRICE * size > 2.0 * best.total - PRICE * len(best.names):
+                best = fit
+    if best is None:
+        raise ConfigError("of the terms Q, N, B and K at least one must be looked for")
+    if "GM" in wanted:
+        best = _with_gauss_markov(model, best, random, likelihood)
+    return best
+
+
+def _with_gauss_markov(model: _Model, best: _Fit, random: list[str], likelihood: Restricted) -> _Fit:
+    """Try a Gauss-Markov process beside every set of terms, from several correlation times."""
+    s = model.spectrum
+    starts = np.geomspace(10.0 * s.dt, 0.3 * s.span, 6)
+    worth = 2.0 * best.total - PRICE * len(best.names)
+    chosen = best
+    for size in range(0, len(random) + 1):
+        for others in itertools.combinations(random, size):
+            names = (*others, "GM")
+            top: _Fit | None = None
+            for tau in starts:
+                at = int(np.argmin(np.abs(s.frequency - 0.16 / tau)))
+                level = float(np.median(model.raw[max(0, at - 5) : at + 6]))
+                begin = np.array([*(model.start(n) for n in others), math.log(level / (2.0 * tau)), math.log(tau)])
+                fit = model.fit(names, likelihood, begin)
+                if top is None or fit.total > top.total:
+                    top = fit
+            if top is not None and 2.0 * top.total - PRICE * size - GM_PRICE > worth:
+                chosen, worth = top, 2.0 * top.total - PRICE * size - GM_PRICE
+    return chosen
+
+
+def _select(model: _Model, wanted: tuple[str, ...], lines: list[Term]) -> Identification:
+    spectrum = model.spectrum
+    misfit, weight = 0.0, None
+    for attempt in range(2):
+        ramp = "R" in wanted
+        likelihood = Restricted(spectrum, ramp, weight)
+        best = _best_subset(model, wanted, likelihood)
+        slope, slope_sigma = likelihood.ramp(best.density) if ramp else (math.nan, math.nan)
+        if ramp and abs(slope) < RAMP_SIGMAS * slope_sigma:
+            ramp = False
+            likelihood = Restricted(spectrum, False, weight)
+            best = _best_subset(model, wanted, likelihood)
+        if attempt == 0:
+            chi2, dof, misfit = _misfit(Restricted(spectrum, ramp), best.density, spectrum.dof, len(best.log))
+            if misfit == 0.0:
+                break
+            weight = 1.0 / (1.0 / spectrum.dof + 0.5 * misfit**2)
+    information = 0.5 * (best.slopes * likelihood.dof) @ best.slopes.T
+    covariance = np.linalg.pinv(information)
+    sigma = np.sqrt(np.diag(covariance))
+    found = {}
+    for k, name in enumerate(best.names):
+        value = math.exp(0.5 * best.log[k])
+        relative = 0.5 * sigma[k]
+        extra = math.exp(best.log[-1]) if name == "GM" else math.nan
+        found[name] = Term(
+            name,
+            True,
+            value,
+            relative * value,
+            extra=extra,
+            extra_sigma=extra * sigma[-1] if name == "GM" else math.nan,
+            least_span=spectrum.span * (relative / WANTED) ** 2,
+            gain=_gain(model, best, name, likelihood),
+        )
+    if ramp:
+        found["R"] = Term("R", True, slope, slope_sigma, gain=(slope / slope_sigma) ** 2, least_span=spectrum.span)
+    elif "R" in wanted:
+        found["R"] = Term("R", False, limit=abs(slope) + 1.645 * slope_sigma)
+    for name in wanted:
+        if name not in found and name != "sin":
+            limit = _limit(model, best, name, likelihood) if name in RANDOM_TERMS else math.nan
+            found[name] = Term(name, False, limit=limit)
+    ordered = [found[name] for name in TERMS if name in found]
+    ordered += lines if lines else ([Term("sin", False)] if "sin" in wanted else [])
+    names = best.names + (("GM_tau",) if "GM" in best.names else ())
+    return Identification(
+        tuple(ordered),
+        spectrum,
+        best.density,
+        chi2,
+        dof,
+        misfit,
+        covariance / np.outer(sigma, sigma),
+        names,
+        model.flicker,
+        spectrum.span,
+    )
+
+
+def _misfit(likelihood: Restricted, density: Array, counts: Array, parameters: int) -> tuple[float, float, float]:
+    """Chi-square of the bins, its expectation, and the relative error per bin that explains an excess."""
+    from scipy.special import gammainccinv
+
+    residual = likelihood.residuals(density)
+    dof = float(residual.size - parameters)
+    chi2 = float(residual @ residual)
+    kurtosis = float(np.sum(12.0 / counts))
+    allowed = dof + 4.0 * math.sqrt(2.0 * dof + kurtosis)
+    _ = gammainccinv
+    if chi2 <= allowed:
+        return chi2, dof, 0.0
+    low, high = 0.0, 10.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        scaled = float(np.sum(residual**2 / (1.0 + 0.5 * counts * middle**2)))
+        low, high = (middle, high) if scaled > dof else (low, middle)
+    return chi2, dof, high
+
+
+def _gain(model: _Model, best: _Fit, name: str, likelihood: Restricted) -> float:
+    others = tuple(other for other in best.names if other != name)
+    if not others:
+        return math.inf
+    keep = [k for k, other in enumerate(best.names) if other != name]
+    begin = best.log[keep]
+    if "GM" in others:
+        begin = np.append(begin, best.log[-1])
+    return 2.0 * (best.total - model.fit(others, likelihood, begin).total)
+
+
+def _limit(model: _Model, best: _Fit, name: str, likelihood: Restricted) -> float:
+    """Largest coefficient that twice the log-likelihood misses the best by 2.71 for: a one-sided limit of 95 %."""
+    from scipy.optimize import brentq
+
+    base = model.shapes[name]
+
+    def excess(log: float) -> float:
+        density = best.density + math.exp(log) * base
+        return 2.0 * (best.total - likelihood.value(density)[0]) - 2.71
+
+    low = model.start(name) - 20.0
+    high = model.start(name) + 12.0
+    if excess(low) > 0.0 or excess(high) < 0.0:
+        return math.nan
+    return math.exp(0.5 * brentq(excess, low, high, xtol=1e-3))
+
+
+def floor_of(coefficient: float) -> float:
+    """Allan deviation of flicker noise of coefficient B, what most makers print as bias instability: 0.664 B."""
+    return FLOOR * coefficient
