@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 
 from navfuse import __version__
-from navfuse.cli import compare, config, demo, montecarlo, run
+from navfuse.cli import allan, compare, config, demo, montecarlo, run
 from navfuse.errors import NavfuseError, NavfuseWarning
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -32,6 +32,7 @@ app.command("run", short_help="Process a project: IMU and GNSS logs to a traject
 app.command("demo", short_help="Simulate a short drive, process it, show how it went.")(demo.demo)
 app.command("compare", short_help="Compare a trajectory with a truth.")(compare.compare)
 app.command("montecarlo", short_help="Simulate many runs; is the filter as good as it says?")(montecarlo.montecarlo)
+app.command("allan", short_help="Noise of a sensor from a log at rest, and the settings for the filter.")(allan.allan)
 app.command("config", short_help="Print a commented project file to begin with.")(config.config)
 
 
