@@ -40,7 +40,7 @@ def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), sensors: Seq
             continue
         value = np.asarray(getattr(model, name), dtype=float) / factor
         size = np.max(np.abs(value))
-        if size == 0.0 and ("scale" in name or "cross" in name or "walk" in name):
+        if size == 0.0 and ("scale" in name or "cross" in name):
             continue
         if ("scale_tau" in name) or (name.endswith("bias_walk") and np.isfinite(getattr(model, name[:-4] + "tau"))):
             continue

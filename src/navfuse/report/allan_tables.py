@@ -57,6 +57,8 @@ def axis_dict(axis: AxisStudy) -> dict[str, Any]:
             "chi2": found.chi2,
             "degrees_of_freedom": found.dof,
             "relative_error_per_bin": found.misfit,
+            "share_of_bins_left_out": found.left_out,
+            "fitted_below_hz": found.highest,
             "span_s": found.span,
             "parameters": list(found.parameters),
             "correlation": found.correlation,
@@ -174,7 +176,7 @@ def summary_lines(study: AllanStudy) -> list[str]:
         fit = (
             f"fits (chi2 {found.chi2:.0f} for {found.dof:.0f})"
             if found.misfit == 0.0
-            else f"fits to {100.0 * found.misfit:.1f} % (chi2 {found.chi2:.0f} for {found.dof:.0f})"
+            else f"fits {100.0 * (1.0 - found.left_out):.0f} % of the spectrum{_below(found.highest)} to {100.0 * found.misfit:.1f} %"
         )
         step = f", step {significant(axis.check.step / factor, 3)}" if axis.check.step else ""
         lines.append(
@@ -182,3 +184,7 @@ def summary_lines(study: AllanStudy) -> list[str]:
             f"{significant(axis.sd / factor)} {name}{step}; the model {fit}"
         )
     return lines
+
+
+def _below(highest: float) -> str:
+    return "" if math.isinf(highest) else f" below {highest:.3g} Hz"

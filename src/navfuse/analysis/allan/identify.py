@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from navfuse.analysis.allan.likelihood import CosineSpectrum, Restricted, cosine_spectrum
+from navfuse.analysis.allan.deviations import DeviationCurve, curve_of_phases, phase_stretches
+from navfuse.analysis.allan.likelihood import SINGLE, CosineSpectrum, Restricted, cosine_spectrum
 from navfuse.analysis.allan.terms import (
     FLOOR,
     RANDOM_TERMS,
@@ -28,20 +29,29 @@ from navfuse.errors import ConfigError, InputError
 
 Array = np.ndarray
 
-PRICE = 4.0
-"""What a term has to add to twice the log-likelihood; by chance alone it does so in 2.3 % of the records."""
+PRICE = 5.0
+"""What a term has to add to twice the log-likelihood; by chance alone it does so in 1.3 % of the records."""
 
 GM_PRICE = 14.0
 """The same of a Gauss-Markov process, which has two parameters and many correlation times to try."""
 
-RAMP_SIGMAS = 3.5
-"""A ramp of fewer sigmas is not reported."""
+RAMP_PRICE = 12.0
+"""The same of a ramp: 3.5 sigma, since at the lowest frequencies a few numbers decide, and a random walk does as well."""
 
 WANTED = 0.25
 """Relative one sigma that the stated least length of a record is for."""
 
 SHORTEST = 1000
 """Samples; shorter records are refused."""
+
+_WIDE = 16
+_TUKEY = 4.685
+_FIRST_ERROR = 0.3
+_REWEIGHTINGS = 25
+_GOOD_ENOUGH = 0.2
+_CONTRADICTED = 0.998
+_TOLERANCE = 1.3
+CEILED = (*RANDOM_TERMS, "R")
 
 
 
@@ -64,6 +74,9 @@ class Term:
         Length of record at which one sigma is a quarter of the value: shorter records do not give this term.
     gain : float
         What the term adds to twice the log-likelihood; for a ramp the square of value over sigma.
+    contradicted : bool
+        The spectrum would have had the term, but the measured Allan deviation falls below it, so that it is absent: the
+        record holds something that no term describes. `limit` is then what the deviation allows (99.9 %).
     """
 
     name: str
@@ -75,6 +88,7 @@ class Term:
     extra_sigma: float = math.nan
     least_span: float = math.nan
     gain: float = math.nan
+    contradicted: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,8 +105,12 @@ class Identification:
     chi2, dof : float
         Sum of squared residuals of the bins, and what it should be.
     misfit : float
-        Relative error of the model that has to be assumed in each bin to explain the residuals; 0 for a model that
-        fits. The standard deviations include it.
+        Relative error of the model in each bin that explains what half of them are off by; 0 for a model that fits.
+        The standard deviations include it.
+    left_out : float
+        Share of the bins that no term explains and that hardly count: lines, resonances, the edge of a filter.
+    highest : float [Hz]
+        Above it nothing is fitted, since no term explains it; inf for a fit to everything.
     correlation : (p, p) array
         Correlation of the logarithms of the coefficients, in the order of `parameters`.
     parameters : tuple of str
@@ -107,11 +125,12 @@ class Identification:
     chi2: float
     dof: float
     misfit: float
+    left_out: float
+    highest: float
     correlation: Array
     parameters: tuple[str, ...]
     flicker: Flicker
     span: float
-    notes: tuple[str, ...] = field(default=())
 
     def term(self, name: str) -> Term:
         """The first term of this name."""
@@ -195,7 +214,52 @@ def identify(
         values, lines = take_lines_out(values, rate)
     spectrum = cosine_spectrum(values, dt)
     model = _Model(spectrum, flicker(spectrum.span, *flicker_band))
-    return _select(model, terms, lines)
+    curve = curve_of_phases(phase_stretches(values, rate), rate, "oadev", grid=10, level=_CONTRADICTED)
+    refused: set[str] = set()
+    while True:
+        found = _select(model, tuple(name for name in terms if name not in refused), lines)
+        above = _contradicted(found, curve)
+        refused |= above
+        if not any(name in RANDOM_TERMS and name not in refused for name in terms):
+            found = _nothing(found)
+            above = set()
+        if not above:
+            return _with_ceilings(found, terms, refused, curve)
+
+
+def _ceiling(name: str, found: Identification, curve: DeviationCurve) -> float:
+    """Largest coefficient whose Allan deviation stays below the measured one, where the model is meant to hold."""
+    inside = curve.tau >= 0.5 / found.highest
+    unit = np.sqrt(allan_variance(name, curve.tau, {name: 1.0}, found.flicker))
+    return float(np.nanmin(np.where(inside, curve.high / unit, np.inf)))
+
+
+def _contradicted(found: Identification, curve: DeviationCurve) -> set[str]:
+    """Terms that alone exceed the measured deviation by more than chance allows: it must hold each of them."""
+    present = (term for term in found.terms if term.present and term.name in CEILED)
+    return {term.name for term in present if abs(term.value) > _TOLERANCE * _ceiling(term.name, found, curve)}
+
+
+def _with_ceilings(
+    found: Identification, wanted: tuple[str, ...], refused: set[str], curve: DeviationCurve
+) -> Identification:
+    """Put back the terms that the Allan deviation contradicts, as absent, and lower limits that it does not allow."""
+    terms = {term.name: term for term in found.terms if term.name != "sin"}
+    for name in wanted:
+        if name in CEILED and not (name in terms and terms[name].present):
+            limits = [_ceiling(name, found, curve)]
+            if name in terms and math.isfinite(terms[name].limit):
+                limits.append(terms[name].limit)
+            terms[name] = Term(name, False, limit=min(limits), contradicted=name in refused)
+    lines = [term for term in found.terms if term.name == "sin"]
+    return replace(found, terms=(*(terms[name] for name in TERMS if name in terms), *lines))
+
+
+def _nothing(found: Identification) -> Identification:
+    """No term at all describes the record."""
+    terms = tuple(term for term in found.terms if not term.present)
+    nothing = np.full_like(found.density, np.nan)
+    return replace(found, terms=terms, density=nothing, parameters=(), correlation=np.empty((0, 0)))
 
 
 class _Model:
@@ -314,29 +378,20 @@ def _with_gauss_markov(model: _Model, best: _Fit, random: list[str], likelihood:
 
 
 def _select(model: _Model, wanted: tuple[str, ...], lines: list[Term]) -> Identification:
-    spectrum = model.spectrum
-    misfit, weight = 0.0, None
-    for attempt in range(2):
-        ramp = "R" in wanted
-        likelihood = Restricted(spectrum, ramp, weight)
-        best = _best_subset(model, wanted, likelihood)
-        slope, slope_sigma = likelihood.ramp(best.density) if ramp else (math.nan, math.nan)
-        if ramp and abs(slope) < RAMP_SIGMAS * slope_sigma:
-            ramp = False
-            likelihood = Restricted(spectrum, False, weight)
-            best = _best_subset(model, wanted, likelihood)
-        if attempt == 0:
-            chi2, dof, misfit = _misfit(Restricted(spectrum, ramp), best.density, spectrum.dof, len(best.log))
-            if misfit == 0.0:
-                break
-            weight = 1.0 / (1.0 / spectrum.dof + 0.5 * misfit**2)
+    spectrum, whole = model.spectrum, model
+    best, likelihood, ramp = _choose(model, wanted, None)
+    chi2, dof = _chi_square(Restricted(spectrum, ramp), best)
+    misfit, left_out, highest = 0.0, 0.0, math.inf
+    if chi2 > dof + 4.0 * math.sqrt(2.0 * dof + float(np.sum(12.0 / spectrum.dof))):
+        model, weight, misfit, left_out, highest = _reduced(model, wanted)
+        best, likelihood, ramp = _choose(model, wanted, weight)
     information = 0.5 * (best.slopes * likelihood.dof) @ best.slopes.T
     covariance = np.linalg.pinv(information)
     sigma = np.sqrt(np.diag(covariance))
     found = {}
     for k, name in enumerate(best.names):
         value = math.exp(0.5 * best.log[k])
-        relative = 0.5 * sigma[k]
+        relative = float(0.5 * sigma[k])
         extra = math.exp(best.log[-1]) if name == "GM" else math.nan
         found[name] = Term(
             name,
@@ -344,14 +399,18 @@ def _select(model: _Model, wanted: tuple[str, ...], lines: list[Term]) -> Identi
             value,
             relative * value,
             extra=extra,
-            extra_sigma=extra * sigma[-1] if name == "GM" else math.nan,
+            extra_sigma=extra * float(sigma[-1]) if name == "GM" else math.nan,
             least_span=spectrum.span * (relative / WANTED) ** 2,
             gain=_gain(model, best, name, likelihood),
         )
-    if ramp:
-        found["R"] = Term("R", True, slope, slope_sigma, gain=(slope / slope_sigma) ** 2, least_span=spectrum.span)
-    elif "R" in wanted:
-        found["R"] = Term("R", False, limit=abs(slope) + 1.645 * slope_sigma)
+    if "R" in wanted:
+        slope, slope_sigma = Restricted(model.spectrum, True, likelihood.weight).ramp(best.density)
+        if ramp:
+            relative = slope_sigma / abs(slope)
+            least = spectrum.span * (relative / WANTED) ** 0.5
+            found["R"] = Term("R", True, slope, slope_sigma, gain=relative**-2, least_span=least)
+        else:
+            found["R"] = Term("R", False, limit=abs(slope) + 1.645 * slope_sigma)
     for name in wanted:
         if name not in found and name != "sin":
             limit = _limit(model, best, name, likelihood) if name in RANDOM_TERMS else math.nan
@@ -362,10 +421,12 @@ def _select(model: _Model, wanted: tuple[str, ...], lines: list[Term]) -> Identi
     return Identification(
         tuple(ordered),
         spectrum,
-        best.density,
+        whole.density(best.names, best.log)[0],
         chi2,
         dof,
         misfit,
+        left_out,
+        highest,
         covariance / np.outer(sigma, sigma),
         names,
         model.flicker,
@@ -373,21 +434,84 @@ def _select(model: _Model, wanted: tuple[str, ...], lines: list[Term]) -> Identi
     )
 
 
-def _misfit(likelihood: Restricted, density: Array, counts: Array, parameters: int) -> tuple[float, float, float]:
-    """Chi-square of the bins, its expectation, and the relative error per bin that explains an excess."""
-    residual = likelihood.residuals(density)
-    dof = float(residual.size - parameters)
-    chi2 = float(residual @ residual)
-    kurtosis = float(np.sum(12.0 / counts))
-    allowed = dof + 4.0 * math.sqrt(2.0 * dof + kurtosis)
-    if chi2 <= allowed:
-        return chi2, dof, 0.0
-    low, high = 0.0, 10.0
-    for _ in range(60):
+def _choose(model: _Model, wanted: tuple[str, ...], weight: Array | None) -> tuple[_Fit, Restricted, bool]:
+    """The best set of terms, with a ramp if that is worth its price against every set without one."""
+    plain = Restricted(model.spectrum, False, weight)
+    best = _best_subset(model, wanted, plain)
+    if "R" not in wanted:
+        return best, plain, False
+    inclined = Restricted(model.spectrum, True, weight)
+    other = _best_subset(model, wanted, inclined)
+    worth = 2.0 * (other.total + inclined.price_of_ramp(other.density)) - PRICE * len(other.log) - RAMP_PRICE
+    if worth > 2.0 * best.total - PRICE * len(best.log):
+        return other, inclined, True
+    return best, plain, False
+
+
+def _chi_square(likelihood: Restricted, best: _Fit) -> tuple[float, float]:
+    residual = likelihood.residuals(best.density)
+    return float(residual @ residual), float(residual.size - best.log.size)
+
+
+def _reduced(model: _Model, wanted: tuple[str, ...]) -> tuple[_Model, Array, float, float, float]:
+    """Leave out bins, and if that does not help the upper octaves, until a sum of terms describes the others.
+
+    What a filter integrates is at the low end; vibration and filters of the sensor are at the upper one.
+    """
+    spectrum = model.spectrum
+    tried = []
+    highest = math.inf
+    while True:
+        part = model if math.isinf(highest) else _Model(spectrum.below(highest), model.flicker)
+        weight, misfit, left_out = _robust_weights(part, wanted)
+        tried.append((part, weight, misfit, left_out, highest))
+        highest = 0.5 * (highest if math.isfinite(highest) else float(spectrum.frequency[-1]))
+        if misfit <= _GOOD_ENOUGH and left_out <= 0.5:
+            return tried[-1]
+        if spectrum.below(highest).dof.sum() < SINGLE:
+            return min(tried, key=lambda one: one[2])
+
+
+def _robust_weights(model: _Model, wanted: tuple[str, ...]) -> tuple[Array, float, float]:
+    """Degrees of freedom to count each bin for where no sum of terms fits the whole spectrum.
+
+    A relative error common to all bins is what half of the wide bins stay within; bins far beyond it (a line, the
+    resonance of a mount, the edge of a filter) count for little or nothing (Tukey's biweight).
+
+    Returns
+    -------
+    weight : (b,) array
+    error : float
+        Relative error of the model in a bin.
+    left_out : float
+        Share of the wide bins that count for less than half.
+    """
+    spectrum = model.spectrum
+    names = tuple(name for name in RANDOM_TERMS if name in wanted)
+    wide = spectrum.dof >= _WIDE
+    if np.count_nonzero(wide) < 20:
+        wide = np.ones_like(wide)
+    share, error, begin = np.ones_like(spectrum.dof), _FIRST_ERROR, None
+    weight = 1.0 / (1.0 / spectrum.dof + 0.5 * error**2)
+    for _ in range(_REWEIGHTINGS):
+        fit = model.fit(names, Restricted(spectrum, False, np.maximum(weight * share, 1e-6)), begin)
+        begin = fit.log
+        residual = np.log(spectrum.power / spectrum.dof / fit.density)
+        error = _common_error(residual[wide], spectrum.dof[wide])
+        z = residual / (_TUKEY * np.sqrt(2.0 / spectrum.dof + error**2))
+        share = np.where(wide, np.where(np.abs(z) < 1.0, (1.0 - np.minimum(z * z, 1.0)) ** 2, 0.0), 1.0)
+        weight = 1.0 / (1.0 / spectrum.dof + 0.5 * error**2)
+    return np.maximum(weight * share, 1e-6), error, float(np.mean(share[wide] < 0.5))
+
+
+def _common_error(residual: Array, counts: Array) -> float:
+    """Relative error with which the median of the normalised residuals is that of a normal distribution."""
+    low, high = 0.0, 3.0
+    for _ in range(40):
         middle = 0.5 * (low + high)
-        scaled = float(np.sum(residual**2 / (1.0 + 0.5 * counts * middle**2)))
-        low, high = (middle, high) if scaled > dof else (low, middle)
-    return chi2, dof, high
+        typical = float(np.median(np.abs(residual) / np.sqrt(2.0 / counts + middle**2)))
+        low, high = (middle, high) if typical > 0.6745 else (low, middle)
+    return high
 
 
 def _gain(model: _Model, best: _Fit, name: str, likelihood: Restricted) -> float:

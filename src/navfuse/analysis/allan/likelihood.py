@@ -49,6 +49,12 @@ class CosineSpectrum:
     dt: float
     span: float
 
+    def below(self, highest: float) -> CosineSpectrum:
+        """The bins up to a frequency [Hz]."""
+        kept = int(np.searchsorted(self.frequency, highest, "right"))
+        parts = (getattr(self, name)[..., :kept] for name in ("frequency", "dof", "power", "design", "gram"))
+        return CosineSpectrum(*parts, self.dt, self.span)
+
 
 def cosine_spectrum(values: Array, dt: float) -> CosineSpectrum:
     """Transform a record without gaps.
@@ -104,7 +110,7 @@ class Restricted:
 
     def __init__(self, spectrum: CosineSpectrum, ramp: bool, weight: Array | None = None) -> None:
         use = [0, 1, 2] if ramp else [0, 1]
-        self.spectrum = spectrum
+        self.spectrum, self.weight = spectrum, weight
         share = np.ones_like(spectrum.dof) if weight is None else weight / spectrum.dof
         self.dof = spectrum.dof * share
         self._power = spectrum.power * share
@@ -131,6 +137,11 @@ class Restricted:
         inverse = 1.0 / density
         covariance = np.linalg.inv(self._gram @ inverse)
         return float((covariance @ (self._design @ inverse))[-1]), math.sqrt(covariance[-1, -1])
+
+    def price_of_ramp(self, density: Array) -> float:
+        """What to add to the restricted likelihood to compare it with one that has no ramp."""
+        gram = self._gram @ (1.0 / density)
+        return 0.5 * float(np.linalg.slogdet(gram)[1] - np.linalg.slogdet(gram[:-1, :-1])[1])
 
     def residuals(self, density: Array) -> Array:
         """Excess of each bin over its expectation, in standard deviations."""

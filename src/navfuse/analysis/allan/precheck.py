@@ -9,13 +9,14 @@ import numpy as np
 
 Array = np.ndarray
 
-FLOOR = {"gyro": math.radians(0.05), "accel": 0.02}
+FLOOR = {"gyro": math.radians(0.1), "accel": 0.05}
 """Changes of the mean from one window to the next [rad/s], [m/s^2] that are never called motion."""
 
 _SIGMAS = 8.0
 _NOISE_RATIO = 3.0
 _NEIGHBOURS = 30
 _SATURATED = 20
+_LEVELS = 30
 _TREND = 0.8
 
 
@@ -29,6 +30,8 @@ class StaticSpan:
         Samples, the last one not included.
     moving : float
         Share of the record that is in motion.
+    shaken : float
+        Share of the record where the noise stands out, as from steps or a passing lorry, while the sensor stays.
     windows : tuple of (int, int)
         Where it moves: first and last sample of each stretch, at most ten of them.
     """
@@ -36,15 +39,16 @@ class StaticSpan:
     begin: int
     end: int
     moving: float
+    shaken: float
     windows: tuple[tuple[int, int], ...]
 
 
 def static_span(channels: list[tuple[str, Array]], rate: float) -> StaticSpan:
     """Find motion.
 
-    The record is cut into windows of a second (a hundred samples, if that is more). A window moves if the mean of an
-    axis jumps from the one before, or its noise stands out from that of the windows around, by more than the axis
-    usually does and by more than a sensor could be blamed for. Slow drift is not motion.
+    The record is cut into windows of a second (a hundred samples, if that is more). It moves where the mean of an axis
+    jumps from one window to the next by more than it usually does and by more than a sensor could be blamed for. Slow
+    drift is not motion, nor is noise that stands out from that of the windows around: that is shaking.
 
     Parameters
     ----------
@@ -60,48 +64,49 @@ def static_span(channels: list[tuple[str, Array]], rate: float) -> StaticSpan:
     width = max(100, round(rate))
     count = n // width
     if count < 4:
-        return StaticSpan(0, n, 0.0, ())
-    moves = np.zeros(count, dtype=bool)
+        return StaticSpan(0, n, 0.0, 0.0, ())
+    moves, shakes = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
     for sensor, values in channels:
-        moves |= _moving(values[: count * width].reshape(count, width), FLOOR[sensor])
+        jump, shaken = _moving(values[: count * width].reshape(count, width), FLOOR[sensor])
+        moves |= jump
+        shakes |= shaken
+    shaking = float(np.mean(shakes & ~moves))
     stretches = _true_runs(moves)
     if not stretches:
-        return StaticSpan(0, n, 0.0, ())
+        return StaticSpan(0, n, 0.0, shaking, ())
     still = _true_runs(~moves)
     if not still:
-        return StaticSpan(0, 0, 1.0, ((0, n),))
+        return StaticSpan(0, 0, 1.0, 0.0, ((0, n),))
     begin, end = max(still, key=lambda run: run[1] - run[0])
     return StaticSpan(
         begin * width,
         n if end == count else end * width,
         float(np.mean(moves)),
+        shaking,
         tuple((a * width, min(b * width, n)) for a, b in stretches[:10]),
     )
 
 
-def _moving(windows: Array, floor: float) -> Array:
-    """Windows of one axis that differ from those around them."""
+def _moving(windows: Array, floor: float) -> tuple[Array, Array]:
+    """Windows of one axis between which the mean jumps, and those whose noise stands out."""
     good = np.isfinite(windows)
     number = good.sum(axis=1)
-    filled = np.where(good, windows, 0.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = filled.sum(axis=1) / number
-        noise = np.sqrt(np.where(good, (windows - mean[:, None]) ** 2, 0.0).sum(axis=1) / number)
+    jumps, shakes = np.zeros(windows.shape[0], dtype=bool), np.zeros(windows.shape[0], dtype=bool)
     known = np.flatnonzero(number >= 0.5 * windows.shape[1])
-    moves = np.zeros(windows.shape[0], dtype=bool)
     if known.size < 4:
-        return moves
-    mean, noise = mean[known], noise[known]
-    usual_noise = _running_median(noise)
+        return jumps, shakes
+    good, windows, number = good[known], windows[known], number[known]
+    mean = np.where(good, windows, 0.0).sum(axis=1) / number
+    noise = np.sqrt(np.where(good, (windows - mean[:, None]) ** 2, 0.0).sum(axis=1) / number)
+    quiet = float(np.quantile(noise, 0.1))
     step = np.abs(np.diff(mean, prepend=mean[0]))
     usual_step = 1.4826 * float(np.median(step[1:]))
-    white = float(np.quantile(noise, 0.1)) / math.sqrt(windows.shape[1])
+    white = quiet / math.sqrt(windows.shape[1])
     jump = step > max(_SIGMAS * min(usual_step, 5.0 * white + 0.2 * floor), floor)
-    shaken = noise > _NOISE_RATIO * np.minimum(usual_noise, float(np.quantile(noise, 0.1)) * _NOISE_RATIO) + floor
-    flagged = jump | shaken
-    flagged[:-1] |= jump[1:]
-    moves[known] = flagged
-    return moves
+    jump[:-1] |= jump[1:]
+    jumps[known] = jump
+    shakes[known] = noise > _NOISE_RATIO * np.minimum(_running_median(noise), _NOISE_RATIO * quiet)
+    return jumps, shakes
 
 
 def _running_median(values: Array) -> Array:
@@ -194,6 +199,8 @@ def _stuck(values: Array) -> tuple[int, int] | None:
 
 def _saturated(values: Array) -> int:
     """Samples that pile up at an end of the range, instead of thinning out towards it."""
+    if np.unique(values[:100_000]).size < _LEVELS:
+        return 0
     total = 0
     for sign in (1.0, -1.0):
         turned = sign * values

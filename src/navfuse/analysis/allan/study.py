@@ -233,8 +233,13 @@ def _part(record: StaticRecord, settings: StudySettings) -> StaticRecord:
 def _rest(part: StaticRecord, settings: StudySettings, notes: list[str]) -> StaticSpan:
     size = part.channels[0].values.size
     if settings.motion == "ignore":
-        return StaticSpan(0, size, 0.0, ())
+        return StaticSpan(0, size, 0.0, 0.0, ())
     rest = static_span([(channel.sensor, channel.values) for channel in part.channels], part.rate)
+    if rest.shaken > 0.0:
+        notes.append(
+            f"{part.source}: its noise stands out in {100.0 * rest.shaken:.2g} % of the seconds, as from steps or traffic; the "
+            "sensor stays where it is, and the noise is part of what is found"
+        )
     if not rest.windows:
         return rest
     seconds = [f"{a / part.rate:.6g} to {b / part.rate:.6g}" for a, b in rest.windows]
@@ -311,10 +316,13 @@ def _oddities(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> 
         )
     if check.saturated:
         notes.append(f"{source}: {name}: {check.saturated} samples stand at the end of the range: it is saturated")
-    if axis.identification.misfit > 0.0:
+    found = axis.identification
+    if found.misfit > 0.0:
+        above = "" if math.isinf(found.highest) else f" above {found.highest:.3g} Hz and"
         notes.append(
-            f"{source}: {name}: no sum of the terms fits the spectrum; an error of {100 * axis.identification.misfit:.1f} % "
-            "in every bin of 2 % of the frequency is assumed, and the intervals are the wider for it"
+            f"{source}: {name}: no sum of the terms fits the whole spectrum; what is{above} in {100.0 * found.left_out:.0f} % of "
+            f"the other bins is left out (vibration, lines, the edge of a filter), the rest is taken for good to "
+            f"{100.0 * found.misfit:.1f} %"
         )
     return notes
 
