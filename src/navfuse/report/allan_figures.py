@@ -74,9 +74,9 @@ def _panel(axes: Axes, study: AllanStudy, axis: AxisStudy) -> None:
         axes.plot(
             tau, line, "--", color=TERM_COLORS[term.name], linewidth=1.0, label=legend_of(term.name, term.value, axis.sensor)
         )
-    axes.plot(
-        tau, np.sqrt(axis.identification.allan_variance(tau)) / factor, color=MODEL, linewidth=1.4, label="fitted model"
-    )
+    if any(term.present for term in axis.identification.terms):
+        whole = np.sqrt(axis.identification.allan_variance(tau)) / factor
+        axes.plot(tau, whole, color=MODEL, linewidth=1.4, label="fitted model")
     axes.set(xscale="log", yscale="log", ylim=reach)
     axes.set_title(axis.name, fontsize=10)
     axes.grid(which="major", alpha=0.35)

@@ -122,7 +122,8 @@ def _deviation(study: AllanStudy, axis: AxisStudy, unit: str, factor: float) -> 
                 _line(tau, np.sqrt(found.allan_variance(tau, term.name)) / factor,
                       legend_of(term.name, term.value, axis.sensor), TERM_COLORS[term.name], "dash")
             )  # fmt: skip
-    traces.append(_line(tau, np.sqrt(found.allan_variance(tau)) / factor, "fitted model", MODEL, "solid"))
+    if any(term.present for term in found.terms):
+        traces.append(_line(tau, np.sqrt(found.allan_variance(tau)) / factor, "fitted model", MODEL, "solid"))
     top, low = np.nanmax(first.deviation) / factor * 3.0, np.nanmin(first.low) / factor / 3.0
     layout = _layout("Deviation", "averaging time [s]", f"[{unit}]")
     layout["yaxis"]["range"] = [float(np.log10(low)), float(np.log10(top))]

@@ -174,7 +174,9 @@ def summary_lines(study: AllanStudy) -> list[str]:
         name, _, factor = RATE_UNITS[axis.sensor]
         found = axis.identification
         fit = (
-            f"fits (chi2 {found.chi2:.0f} for {found.dof:.0f})"
+            "finds no term that describes it"
+            if not any(term.present for term in found.terms)
+            else f"fits (chi2 {found.chi2:.0f} for {found.dof:.0f})"
             if found.misfit == 0.0
             else f"fits {100.0 * (1.0 - found.left_out):.0f} % of the spectrum{_below(found.highest)} to {100.0 * found.misfit:.1f} %"
         )

@@ -50,7 +50,7 @@ _FIRST_ERROR = 0.3
 _REWEIGHTINGS = 25
 _GOOD_ENOUGH = 0.2
 _CONTRADICTED = 0.998
-_TOLERANCE = 1.3
+_TOLERANCE = 1.5
 CEILED = (*RANDOM_TERMS, "R")
 
 
@@ -228,10 +228,16 @@ def identify(
 
 
 def _ceiling(name: str, found: Identification, curve: DeviationCurve) -> float:
-    """Largest coefficient whose Allan deviation stays below the measured one, where the model is meant to hold."""
+    """Largest coefficient whose Allan deviation stays below the measured one, where the model is meant to hold.
+
+    The smallest median of five neighbouring averaging times: single ones dip where a line has whole periods in them.
+    """
+    from scipy.ndimage import median_filter
+
     inside = curve.tau >= 0.5 / found.highest
     unit = np.sqrt(allan_variance(name, curve.tau, {name: 1.0}, found.flicker))
-    return float(np.nanmin(np.where(inside, curve.high / unit, np.inf)))
+    ratio = (curve.high / unit)[inside]
+    return float(np.min(median_filter(ratio, 5, mode="nearest"))) if ratio.size else math.inf
 
 
 def _contradicted(found: Identification, curve: DeviationCurve) -> set[str]:
