@@ -1,8 +1,8 @@
 """Are the identified noise terms right, and their standard deviations honest? Simulated records with known terms.
 
-Each simulated log of six axes gives three records of each grade. Beside the likelihood of navfuse stands what is usually
-done: least squares on the Allan variance with the variance of each point from its degrees of freedom, as if neighbouring
-averaging times were independent.
+Each simulated log of six axes gives three records of each grade. Beside the likelihood of navfuse stands what is
+usually done: least squares on the Allan variance with the variance of each point from its degrees of freedom, as if
+neighbouring averaging times were independent.
 
     python -m benchmarks.allan_identification --present NBK --records 200
 """

@@ -40,12 +40,17 @@ def allan(
     ],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="DIR", help="Write JSON, tables, PNG, HTML and imu.toml into this folder."),
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Write JSON, tables, PNG, HTML and imu.toml into this folder."
+        ),
     ] = None,
-    config: Annotated[bool, typer.Option("--config", help="Print the [imu] keys for a project file, nothing else.")] = False,
+    config: Annotated[
+        bool, typer.Option("--config", help="Print the [imu] keys for a project file, nothing else.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print every value with interval and unit as JSON.")] = False,
     kind: Annotated[
-        str, typer.Option(metavar="KINDS", help="Deviations: adev, oadev, mdev, hdev, ohdev, totdev, with commas between.")
+        str,
+        typer.Option(metavar="KINDS", help="Deviations: adev, oadev, mdev, hdev, ohdev, totdev, with commas between."),
     ] = "oadev",
     grid: Annotated[str, typer.Option(help="Averaging times: octave, decade, all, or a number per decade.")] = "20",
     terms: Annotated[
@@ -62,13 +67,20 @@ def allan(
     time: Annotated[str, typer.Option(metavar="COLUMN", help="Column of time in seconds.")] = "",
     rate: Annotated[float | None, typer.Option(metavar="HZ", help="Sampling rate, for a log without time.")] = None,
     skip_rows: Annotated[int, typer.Option(min=0, help="Rows of numbers to skip in a text file, after comments.")] = 0,
-    from_s: Annotated[float | None, typer.Option("--from-s", min=0.0, help="Begin so long after the first sample.")] = None,
-    until_s: Annotated[float | None, typer.Option("--until-s", min=0.0, help="End so long after the first sample.")] = None,
+    from_s: Annotated[
+        float | None, typer.Option("--from-s", min=0.0, help="Begin so long after the first sample.")
+    ] = None,
+    until_s: Annotated[
+        float | None, typer.Option("--until-s", min=0.0, help="End so long after the first sample.")
+    ] = None,
     longest_s: Annotated[float | None, typer.Option("--longest-s", help="Longest averaging time.")] = None,
-    motion: Annotated[Motion, typer.Option(help="Where it moves: use the longest rest, refuse, or ignore it.")] = Motion.TRIM,
+    motion: Annotated[
+        Motion, typer.Option(help="Where it moves: use the longest rest, refuse, or ignore it.")
+    ] = Motion.TRIM,
     gaps: Annotated[Gaps, typer.Option(help="Missing samples: average between them, or refuse.")] = Gaps.SPLIT,
     horizon_s: Annotated[
-        float, typer.Option("--horizon-s", help="How long the filter has to carry the bias, for the Gauss-Markov process.")
+        float,
+        typer.Option("--horizon-s", help="How long the filter has to carry the bias, for the Gauss-Markov process."),
     ] = 3600.0,
     gyro_turn_on: Annotated[
         str, typer.Option(metavar="VALUE", help="Bias repeatability of the data sheet, such as '0.2 deg/s'.")
@@ -183,4 +195,7 @@ def _print(found: AllanStudy) -> None:
         table.add_row(axis if axis != before else "", *cells)
         before = axis
     console.print(table)
-    console.print(f"{FLOOR_NOTE}. Values with one standard deviation; what is not seen stays below the limit (95 %).", markup=False)
+    console.print(
+        f"{FLOOR_NOTE}. Values with one standard deviation; what is not seen stays below the limit (95 %).",
+        markup=False,
+    )

@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 
 from navfuse import __version__
-from navfuse.cli import allan, compare, config, demo, montecarlo, run
+from navfuse.cli import allan, compare, config, demo, montecarlo, noise, run
 from navfuse.errors import NavfuseError, NavfuseWarning
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -33,6 +33,7 @@ app.command("demo", short_help="Simulate a short drive, process it, show how it 
 app.command("compare", short_help="Compare a trajectory with a truth.")(compare.compare)
 app.command("montecarlo", short_help="Simulate many runs; is the filter as good as it says?")(montecarlo.montecarlo)
 app.command("allan", short_help="Noise of a sensor from a log at rest, and the settings for the filter.")(allan.allan)
+app.command("noise", short_help="Data sheet figures to [imu] keys, and back.")(noise.noise)
 app.command("config", short_help="Print a commented project file to begin with.")(config.config)
 
 

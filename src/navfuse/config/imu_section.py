@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import tomllib
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
+from navfuse.config.project import Project
 from navfuse.config.toml_text import toml_value
+from navfuse.errors import ConfigError
 from navfuse.imu.error_model import DATASHEET_UNITS, ImuErrorModel
 
 SENSORS = {"arw": "gyro", "vrw": "accel"}
@@ -53,3 +58,28 @@ def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), sensors: Seq
 def _rounded(value: np.ndarray | float) -> float | list[float]:
     numbers = [float(f"{x:.{_DIGITS}g}") for x in np.atleast_1d(value)]
     return numbers if np.ndim(value) else numbers[0]
+
+
+def model_of_file(path: str | os.PathLike[str]) -> ImuErrorModel:
+    """Error model of a file with a table ``[imu]``: a project file, or what :func:`imu_section` wrote.
+
+    Keys that are missing come from the grade, as in a run; ``file`` may be missing.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, is not TOML, has no such table, or one that a project would not take.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as stream:
+            data = tomllib.load(stream)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: is not TOML: {error}") from error
+    table = data.get("imu")
+    if not isinstance(table, dict):
+        raise ConfigError(f"{path}: has no table [imu]")
+    whole = {"imu": {"file": "imu.csv", **table}, "gnss": {"file": "gnss.csv"}}
+    return Project.from_dict(whole, source=str(path)).imu_error_model()

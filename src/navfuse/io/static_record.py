@@ -180,7 +180,9 @@ def _native(path: Path) -> _Raw:
     values = {}
     for f in fields:
         sensor = "gyro" if f.base.startswith(("gyro", "dtheta")) else "accel"
-        values[f"{sensor} {f.base[-1]}"] = np.asarray(read[match.column[f.base]], dtype=np.float64) * match.factor[f.base]
+        values[f"{sensor} {f.base[-1]}"] = (
+            np.asarray(read[match.column[f.base]], dtype=np.float64) * match.factor[f.base]
+        )
     time = np.asarray(read[match.column["time"]], dtype=np.float64) * match.factor["time"] if has_time else None
     return _Raw(values, "rates" if both[0] else "increments", time, read.get(warm) if warm else None, None)
 
@@ -242,11 +244,13 @@ def _picked(source: str, columns: Mapping[str, Array], layout: RecordLayout) -> 
             values[f"{sensor} {axis}"] = np.asarray(array, dtype=np.float64) * measure.value
     if not values:
         raise InputError(
-            f"{source}: say which of its columns to take with --gyro and --accel; it has {', '.join(list(columns)[:20])}"
+            f"{source}: say which of its columns to take with --gyro and --accel; it has "
+            f"{', '.join(list(columns)[:20])}"
         )
     if len(set(kinds.values())) > 1:
         raise ConfigError(
-            f"{source}: the gyros are {kinds['gyro']} and the accelerometers {kinds['accel']} by their units; give both "
+            f"{source}: the gyros are {kinds['gyro']} and the accelerometers {kinds['accel']} by their units; "
+            f"give both "
             "as rates, or both as increments"
         )
     sizes = {name: array.size for name, array in values.items()}

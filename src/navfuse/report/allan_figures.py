@@ -72,7 +72,12 @@ def _panel(axes: Axes, study: AllanStudy, axis: AxisStudy) -> None:
         line = np.sqrt(axis.identification.allan_variance(tau, term.name)) / factor
         line = np.where((line > reach[0]) & (line < reach[1]), line, np.nan)
         axes.plot(
-            tau, line, "--", color=TERM_COLORS[term.name], linewidth=1.0, label=legend_of(term.name, term.value, axis.sensor)
+            tau,
+            line,
+            "--",
+            color=TERM_COLORS[term.name],
+            linewidth=1.0,
+            label=legend_of(term.name, term.value, axis.sensor),
         )
     if any(term.present for term in axis.identification.terms):
         whole = np.sqrt(axis.identification.allan_variance(tau)) / factor

@@ -1,4 +1,4 @@
-"""The same as one interactive HTML page that needs no network: deviations, spectrum, autocorrelation, table of terms."""
+"""The same as one interactive HTML page without network: deviations, spectrum, autocorrelation, table of terms."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 _STYLE = """
 :root{color-scheme:light}
-body{font:15px/1.45 system-ui,sans-serif;margin:0 auto;max-width:1200px;padding:0 16px 40px;color:#1c2430;background:#fff}
-h1{font-size:1.35rem}h2{font-size:1.1rem;margin-top:1.6rem}
+body{font:15px/1.45 system-ui,sans-serif;margin:0 auto;max-width:1200px;padding:0 16px
+40px;color:#1c2430;background:#fff} h1{font-size:1.35rem}h2{font-size:1.1rem;margin-top:1.6rem}
 table{border-collapse:collapse;font-variant-numeric:tabular-nums}td,th{padding:3px 12px 3px 0;text-align:left;
 border-bottom:1px solid #e2e6ec;vertical-align:top}.wide{overflow-x:auto}.warning{color:#8a4b00}.plot{height:520px}
 .absent td{color:#6b7480}
@@ -64,7 +64,9 @@ def render(study: AllanStudy) -> str:
         pieces = []
         for view, (traces, layout) in _views(study, axis).items():
             panels.append([f"{view}{k}", traces, layout])
-            pieces.append(f'<div class="plot" id="{view}{k}" role="img" aria-label="{escape(axis.name)}: {view}"></div>')
+            pieces.append(
+                f'<div class="plot" id="{view}{k}" role="img" aria-label="{escape(axis.name)}: {view}"></div>'
+            )
         bodies.append(f"<h2>{escape(axis.name)}</h2>\n" + "\n".join(pieces))
     title = f"Allan variance of {Path(study.source).name}"
     data = json.dumps(panels, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -116,12 +118,17 @@ def _deviation(study: AllanStudy, axis: AxisStudy, unit: str, factor: float) -> 
     first = next(iter(axis.curves.values()))
     tau = np.geomspace(first.tau[0], first.tau[-1], 200)
     found = axis.identification
-    for term in found.terms:
-        if term.present:
-            traces.append(
-                _line(tau, np.sqrt(found.allan_variance(tau, term.name)) / factor,
-                      legend_of(term.name, term.value, axis.sensor), TERM_COLORS[term.name], "dash")
-            )  # fmt: skip
+    traces += [
+        _line(
+            tau,
+            np.sqrt(found.allan_variance(tau, term.name)) / factor,
+            legend_of(term.name, term.value, axis.sensor),
+            TERM_COLORS[term.name],
+            "dash",
+        )
+        for term in found.terms
+        if term.present
+    ]
     if any(term.present for term in found.terms):
         traces.append(_line(tau, np.sqrt(found.allan_variance(tau)) / factor, "fitted model", MODEL, "solid"))
     top, low = np.nanmax(first.deviation) / factor * 3.0, np.nanmin(first.low) / factor / 3.0
@@ -149,7 +156,9 @@ def _autocorrelation(axis: AxisStudy) -> tuple[list[Any], dict[str, Any]]:
     found = axis.autocorrelation
     edge = [found.lag[0], found.lag[-1]]
     traces = [_line(found.lag, found.correlation, "autocorrelation", POINTS, "solid")]
-    traces += [_line(np.array(edge), np.full(2, s * found.bound), "95 % of white noise", "#6b7280", "dot") for s in (1, -1)]
+    traces += [
+        _line(np.array(edge), np.full(2, s * found.bound), "95 % of white noise", "#6b7280", "dot") for s in (1, -1)
+    ]
     layout = _layout(f"Autocorrelation of means over {found.average:.4g} s", "lag [s]", "[1]")
     layout["xaxis"]["type"] = layout["yaxis"]["type"] = "linear"
     layout["showlegend"] = False
@@ -157,7 +166,13 @@ def _autocorrelation(axis: AxisStudy) -> tuple[list[Any], dict[str, Any]]:
 
 
 def _line(x: Any, y: Any, name: str, color: str, dash: str) -> dict[str, Any]:
-    return {"x": _plain(x), "y": _plain(y), "mode": "lines", "name": name, "line": {"color": color, "dash": dash, "width": 1.6}}
+    return {
+        "x": _plain(x),
+        "y": _plain(y),
+        "mode": "lines",
+        "name": name,
+        "line": {"color": color, "dash": dash, "width": 1.6},
+    }
 
 
 def _layout(title: str, x: str, y: str) -> dict[str, Any]:

@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from navfuse.analysis.allan.identify import Term
+from navfuse.analysis.allan.identify import Identification
 from navfuse.analysis.allan.spectra import Autocorrelation
 from navfuse.analysis.allan.study import AllanStudy, AxisStudy
-from navfuse.analysis.allan.terms import FLOOR, NAMES
+from navfuse.analysis.allan.terms import FLOOR, NAMES, Term
 from navfuse.report.allan_units import RATE_UNITS, TERM_UNITS, significant, with_sigma
 
-FLOOR_NOTE = "B is the coefficient of IEEE Std 952; the flat part of the Allan deviation, which makers print, is 0.664 B"
+FLOOR_NOTE = (
+    "B is the coefficient of IEEE Std 952; the flat part of the Allan deviation, which makers print, is 0.664 B"
+)
 
 
 def to_dict(study: AllanStudy) -> dict[str, Any]:
@@ -172,21 +174,18 @@ def summary_lines(study: AllanStudy) -> list[str]:
     ]
     for axis in study.axes:
         name, _, factor = RATE_UNITS[axis.sensor]
-        found = axis.identification
-        fit = (
-            "finds no term that describes it"
-            if not any(term.present for term in found.terms)
-            else f"fits (chi2 {found.chi2:.0f} for {found.dof:.0f})"
-            if found.misfit == 0.0
-            else f"fits {100.0 * (1.0 - found.left_out):.0f} % of the spectrum{_below(found.highest)} to {100.0 * found.misfit:.1f} %"
-        )
-        step = f", step {significant(axis.check.step / factor, 3)}" if axis.check.step else ""
+        step_of = f", step {significant(axis.check.step / factor, 3)}" if axis.check.step else ""
         lines.append(
             f"{axis.name}: mean {significant(axis.mean / factor)} {name}, standard deviation "
-            f"{significant(axis.sd / factor)} {name}{step}; the model {fit}"
+            f"{significant(axis.sd / factor)} {name}{step_of}; the model {_fit_words(axis.identification)}"
         )
     return lines
 
 
-def _below(highest: float) -> str:
-    return "" if math.isinf(highest) else f" below {highest:.3g} Hz"
+def _fit_words(found: Identification) -> str:
+    if not any(term.present for term in found.terms):
+        return "finds no term that describes it"
+    if found.misfit == 0.0 and found.left_out == 0.0:
+        return f"fits (chi2 {found.chi2:.0f} for {found.dof:.0f})"
+    below = "" if math.isinf(found.highest) else f" below {found.highest:.3g} Hz"
+    return f"fits {100.0 * (1.0 - found.left_out):.0f} % of the spectrum{below} to {100.0 * found.misfit:.1f} %"

@@ -9,9 +9,10 @@
 """
 
 from navfuse.analysis.allan.deviations import KINDS, DeviationCurve, deviation
-from navfuse.analysis.allan.identify import Identification, Term, identify
+from navfuse.analysis.allan.identify import Identification, identify
 from navfuse.analysis.allan.settings import error_model
 from navfuse.analysis.allan.study import AllanStudy, StudySettings, study
+from navfuse.analysis.allan.terms import Term
 
 __all__ = [
     "KINDS",

@@ -8,8 +8,8 @@ stands, without the fitted tables of that paper, except that beyond :data:`MOST_
 more coarsely, which is the limit of a continuous record. Those of the total variance are the fits of NIST SP 1065,
 table 7.
 
-Noise types are exponents alpha of the density of the rate, ``S(f) ~ f^alpha``: 2 quantisation of the angle, 1 flicker of
-the angle, 0 angle random walk, -1 bias instability, -2 rate random walk, -3 and -4 (Hadamard only) steeper ones.
+Noise types are exponents alpha of the density of the rate, ``S(f) ~ f^alpha``: 2 quantisation of the angle, 1 flicker
+of the angle, 0 angle random walk, -1 bias instability, -2 rate random walk, -3 and -4 (Hadamard only) steeper ones.
 """
 
 from __future__ import annotations
@@ -180,8 +180,8 @@ def noise_exponents(phase: Array, factors: Array, order: int = 2) -> Array:
 
     The phase is taken every m samples, a parabola removed, and differenced until it is stationary; the lag-1
     autocorrelation of what remains tells the exponent (Riley and Greenhall, "Power law noise identification using the
-    lag 1 autocorrelation", 18th EFTF, 2004; NIST SP 1065, section 5.5.2). With fewer than 30 points left the type of the
-    averaging time before is kept; of a long record the first 32 768 points are enough.
+    lag 1 autocorrelation", 18th EFTF, 2004; NIST SP 1065, section 5.5.2). With fewer than 30 points left the type of
+    the averaging time before is kept; of a long record the first 32 768 points are enough.
 
     Parameters
     ----------

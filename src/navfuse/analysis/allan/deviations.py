@@ -127,7 +127,8 @@ def deviation(
         ohdev^2  = sum (x[i+3m] - 3 x[i+2m] + 3 x[i+m] - x[i])^2 / (6 tau^2 (n - 3m + 1))
         totdev^2 = the first about every inner point, x mirrored in both ends, / (2 tau^2 (n - 1))
 
-    adev and hdev take every m-th of these. Memory: one copy of the record, and vectors of the number of averaging times.
+    adev and hdev take every m-th of these. Memory: one copy of the record, and vectors of the number of averaging
+    times.
     """
     if kind not in KINDS:
         raise ConfigError(f"unknown deviation {kind!r}: known are {', '.join(KINDS)}")
@@ -169,9 +170,7 @@ def curve_of_phases(
             "stretch"
         )
     factors = (
-        averaging_factors(grid, longest)
-        if isinstance(grid, str | int)
-        else np.unique(np.asarray(grid, dtype=np.int64))
+        averaging_factors(grid, longest) if isinstance(grid, str | int) else np.unique(np.asarray(grid, dtype=np.int64))
     )
     if factors.size == 0 or factors[0] < 1:
         raise ConfigError("averaging factors must be whole numbers of samples, at least 1")
@@ -189,9 +188,7 @@ def curve_of_phases(
     variance = total / scale
     longest_stretch = max(phases, key=len)
     exponents = (
-        noise_exponents(longest_stretch, factors, ORDER[kind])
-        if alpha == "auto"
-        else np.full(factors.size, int(alpha))
+        noise_exponents(longest_stretch, factors, ORDER[kind]) if alpha == "auto" else np.full(factors.size, int(alpha))
     )
     edf = np.array(
         [sum(_edf(kind, int(a), int(m), x.size - 1) for x in phases) for a, m in zip(exponents, factors, strict=True)]
@@ -261,7 +258,9 @@ def _stretches(values: Array, gaps: str) -> list[tuple[int, int]]:
     if good.all():
         return [(0, values.size)]
     if np.isinf(values).any():
-        raise InputError(f"the record has an infinite value, the first in sample {int(np.argmax(np.isinf(values))) + 1}")
+        raise InputError(
+            f"the record has an infinite value, the first in sample {int(np.argmax(np.isinf(values))) + 1}"
+        )
     if gaps == "refuse":
         raise InputError(
             f"the record has {int(np.count_nonzero(~good))} missing samples (NaN), the first is sample "

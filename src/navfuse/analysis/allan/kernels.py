@@ -1,9 +1,9 @@
 """Sums of squared differences of a phase, the only loops over samples of the Allan family. No checks are made.
 
-Every estimator works on one cumulative sum, the phase: the angle (or speed) that the sensor has counted. The work is cut
-into pieces of fixed size, whatever the number of threads, and the pieces are added in a fixed order, so that the result
-is the same to the last bit on one core and on many. ``reassoc`` lets the compiler keep several partial sums in a vector
-register within a piece; it changes the rounding once, when it compiles, and not from run to run.
+Every estimator works on one cumulative sum, the phase: the angle (or speed) that the sensor has counted. The work is
+cut into pieces of fixed size, whatever the number of threads, and the pieces are added in a fixed order, so that the
+result is the same to the last bit on one core and on many. ``reassoc`` lets the compiler keep several partial sums in
+a vector register within a piece; it changes the rounding once, when it compiles, and not from run to run.
 """
 
 from __future__ import annotations

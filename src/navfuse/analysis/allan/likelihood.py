@@ -2,9 +2,9 @@
 
 The transform (DCT-II) of a record with quantisation, white noise and a random walk has *exactly* independent Gaussian
 coefficients: it diagonalises the difference operator of a record whose ends are free, so that neither the trend of a
-random walk nor the unknown value it starts from leaks. For Gauss-Markov processes, and so for flicker noise, this holds up to
-what the two ends lack, which the expected squares account for. The coefficients are worth one degree of freedom each, at
-twice the frequency resolution of a periodogram.
+random walk nor the unknown value it starts from leaks. For Gauss-Markov processes, and so for flicker noise, this
+holds up to what the two ends lack, which the expected squares account for. The coefficients are worth one degree of
+freedom each, at twice the frequency resolution of a periodogram.
 
 Beyond the first :data:`SINGLE` they are summed in bins of 2 % of their frequency, which loses nothing that a smooth
 density can tell. A ramp, and the two unknown quantisation errors at the ends of the record, are regressors.
@@ -52,8 +52,8 @@ class CosineSpectrum:
     def below(self, highest: float) -> CosineSpectrum:
         """The bins up to a frequency [Hz]."""
         kept = int(np.searchsorted(self.frequency, highest, "right"))
-        parts = (getattr(self, name)[..., :kept] for name in ("frequency", "dof", "power", "design", "gram"))
-        return CosineSpectrum(*parts, self.dt, self.span)
+        parts = {name: getattr(self, name)[..., :kept] for name in ("frequency", "dof", "power", "design", "gram")}
+        return CosineSpectrum(**parts, dt=self.dt, span=self.span)
 
 
 def cosine_spectrum(values: Array, dt: float) -> CosineSpectrum:
@@ -68,8 +68,8 @@ def cosine_spectrum(values: Array, dt: float) -> CosineSpectrum:
     from scipy.fft import dct
 
     n = values.size
-    c = dct(np.asarray(values, dtype=np.float64) - np.mean(values), type=2, norm="ortho")[1:]
-    c *= math.sqrt(dt)
+    whole = np.asarray(dct(np.asarray(values, dtype=np.float64) - np.mean(values), type=2, norm="ortho"))
+    c = math.sqrt(dt) * whole[1:]
     k = np.arange(1, n)
     edge = _edges(n)
     half = 0.5 * math.pi * k / n
@@ -81,9 +81,7 @@ def cosine_spectrum(values: Array, dt: float) -> CosineSpectrum:
     design = np.array([np.add.reduceat(x * c, edge) for x in columns])
     gram = np.array([[np.add.reduceat(x * y, edge) for y in columns] for x in columns])
     centre = np.add.reduceat(np.log(k), edge) / dof
-    return CosineSpectrum(
-        np.exp(centre) / (2.0 * n * dt), dof, np.add.reduceat(c * c, edge), design, gram, dt, n * dt
-    )
+    return CosineSpectrum(np.exp(centre) / (2.0 * n * dt), dof, np.add.reduceat(c * c, edge), design, gram, dt, n * dt)
 
 
 def _edges(n: int) -> Array:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
 
-from navfuse.analysis.allan.identify import Term
+from navfuse.analysis.allan.terms import Term
 
 Array = np.ndarray
 
@@ -43,7 +44,7 @@ def take_lines_out(values: Array, rate: float, most: int = MOST) -> tuple[Array,
     rest = np.asarray(values, dtype=np.float64) - np.mean(values)
     n = rest.size
     window = np.hanning(n)
-    size = next_fast_len(n, real=True)
+    size = int(next_fast_len(n, real=True) or n)
     found: list[Term] = []
     for _ in range(most):
         power = np.abs(np.fft.rfft(rest * window, size)) ** 2 / (rate * float(window @ window))
@@ -69,9 +70,11 @@ def take_lines_out(values: Array, rate: float, most: int = MOST) -> tuple[Array,
 
 def _background(power: Array) -> Array:
     """Mean level of exponential noise around each bin, from medians of blocks that grow with frequency."""
-    edges = np.unique(np.concatenate([np.arange(0, 64, 16), np.rint(np.geomspace(64, power.size, 120))]).astype(np.int64))
+    edges = np.unique(
+        np.concatenate([np.arange(0, 64, 16), np.rint(np.geomspace(64, power.size, 120))]).astype(np.int64)
+    )
     level = np.empty(power.size)
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in itertools.pairwise(edges):
         level[a:b] = np.median(power[a:b]) / math.log(2.0)
     return np.maximum(level, 1e-300)
 

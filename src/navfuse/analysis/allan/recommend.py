@@ -1,7 +1,7 @@
 """From identified noise to what a filter can carry: white noise and one Gauss-Markov process or random walk per bias.
 
-Bias instability has no finite state. Of a first-order Gauss-Markov process with standard deviation s and correlation time
-T, the Allan deviation rises as ``s sqrt(2 tau / (3 T))``, peaks at 0.617 s for tau = 1.89 T, and falls as
+Bias instability has no finite state. Of a first-order Gauss-Markov process with standard deviation s and correlation
+time T, the Allan deviation rises as ``s sqrt(2 tau / (3 T))``, peaks at 0.617 s for tau = 1.89 T, and falls as
 ``s sqrt(2 T / tau)``. Its s and T are chosen so that this curve follows that of the bias (B, K, a Gauss-Markov process,
 R: everything that is not white) between where the bias emerges from the white noise and the horizon, by least squares
 in the logarithm. Where a random walk follows as well or better, it is taken.
@@ -17,12 +17,6 @@ import numpy as np
 from navfuse.analysis.allan.terms import gauss_markov_allan
 
 Array = np.ndarray
-
-PEAK = 0.6174
-"""Largest Allan deviation of a Gauss-Markov process over its standard deviation."""
-
-PEAK_AT = 1.8926
-"""Averaging time of that peak over the correlation time."""
 
 HORIZON = 3600.0
 """Seconds over which a filter has to carry the bias."""
@@ -53,22 +47,6 @@ class BiasModel:
     walk: tuple[float, ...]
     error: float
     span: tuple[float, float]
-
-
-def gauss_markov_of_floor(floor: float) -> float:
-    """Standard deviation of the Gauss-Markov process whose Allan deviation peaks at a floor.
-
-    Parameters
-    ----------
-    floor : float
-        Lowest Allan deviation, 0.664 B: what data sheets call in-run bias stability.
-    """
-    return floor / PEAK
-
-
-def floor_of_gauss_markov(sd: float) -> float:
-    """Peak of the Allan deviation of a Gauss-Markov process; the inverse of :func:`gauss_markov_of_floor`."""
-    return sd * PEAK
 
 
 def bias_model(slow: list[Array | None], white: list[float], tau: Array, horizon: float) -> BiasModel | None:

@@ -69,7 +69,8 @@ def remarks(study: AllanStudy, turn_on: tuple[float, float] = (0.0, 0.0)) -> lis
             )
         if given == 0.0:
             lines.append(
-                f"{sensor}_bias_sd: in-run only. The bias changes at every switch-on, which no static record shows: add the "
+                f"{sensor}_bias_sd: in-run only. The bias changes at every switch-on, which no static record "
+                f"shows: add the "
                 f"data sheet's repeatability with --{sensor}-turn-on"
             )
     return lines

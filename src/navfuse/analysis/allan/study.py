@@ -237,7 +237,8 @@ def _rest(part: StaticRecord, settings: StudySettings, notes: list[str]) -> Stat
     rest = static_span([(channel.sensor, channel.values) for channel in part.channels], part.rate)
     if rest.shaken > 0.0:
         notes.append(
-            f"{part.source}: its noise stands out in {100.0 * rest.shaken:.2g} % of the seconds, as from steps or traffic; the "
+            f"{part.source}: its noise stands out in {100.0 * rest.shaken:.2g} % of the seconds, as from steps "
+            f"or traffic; the "
             "sensor stays where it is, and the noise is part of what is found"
         )
     if not rest.windows:
@@ -263,7 +264,8 @@ def _axis(record: StaticRecord, channel: Any, settings: StudySettings) -> AxisSt
     missing = int(values.size - np.count_nonzero(good))
     if missing and settings.gaps == "refuse":
         raise InputError(
-            f"{record.source}: {channel.name}: {missing} samples are missing, the first {int(np.argmin(good)) / record.rate:.6g} s "
+            f"{record.source}: {channel.name}: {missing} samples are missing, the first "
+            f"{int(np.argmin(good)) / record.rate:.6g} s "
             "from the start; --gaps split averages over the stretches between"
         )
     check = check_channel(values, record.rate)
@@ -312,7 +314,8 @@ def _oddities(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> 
     if check.stuck is not None:
         begin, end = check.stuck
         notes.append(
-            f"{source}: {name} repeats one value {end - begin + 1} times, from {begin / record.rate:.6g} s: it was stuck there"
+            f"{source}: {name} repeats one value {end - begin + 1} times, from {begin / record.rate:.6g} s: it "
+            f"was stuck there"
         )
     if check.saturated:
         notes.append(f"{source}: {name}: {check.saturated} samples stand at the end of the range: it is saturated")
@@ -320,7 +323,8 @@ def _oddities(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> 
     if found.misfit > 0.0:
         above = "" if math.isinf(found.highest) else f" above {found.highest:.3g} Hz and"
         notes.append(
-            f"{source}: {name}: no sum of the terms fits the whole spectrum; what is{above} in {100.0 * found.left_out:.0f} % of "
+            f"{source}: {name}: no sum of the terms fits the whole spectrum; what is{above} in "
+            f"{100.0 * found.left_out:.0f} % of "
             f"the other bins is left out (vibration, lines, the edge of a filter), the rest is taken for good to "
             f"{100.0 * found.misfit:.1f} %"
         )
@@ -334,12 +338,14 @@ def _drift_notes(record: StaticRecord) -> list[str]:
         span = float(np.nanmax(warm) - np.nanmin(warm))
         if span > 1.0:
             notes.append(
-                f"{record.source}: the temperature changes by {span:.3g} K along the record; what follows it is drift, not noise"
+                f"{record.source}: the temperature changes by {span:.3g} K along the record; what follows it is "
+                f"drift, not noise"
             )
     drifting = [c.name for c in record.channels if check_channel(c.values, record.rate).drifts]
     if drifting:
         notes.append(
-            f"{record.source}: {', '.join(drifting)}: a straight line explains most of the slow change, as in warm-up; K, R and "
+            f"{record.source}: {', '.join(drifting)}: a straight line explains most of the slow change, as in "
+            f"warm-up; K, R and "
             "long averaging times tell of that more than of noise: let the sensor warm up, or cut the beginning"
         )
     return notes

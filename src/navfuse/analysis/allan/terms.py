@@ -57,6 +57,42 @@ NAMES = {
 
 
 @dataclass(frozen=True, slots=True)
+class Term:
+    """One noise term of one axis, in SI units.
+
+    Attributes
+    ----------
+    name : str
+        One of :data:`TERMS`.
+    present : bool
+    value, sigma : float
+        Coefficient and its standard deviation; NaN if absent. Of a Gauss-Markov process its standard deviation.
+    limit : float
+        If absent: what the coefficient stays below with 95 % confidence. NaN if present.
+    extra, extra_sigma : float
+        Correlation time [s] of a Gauss-Markov process, frequency [Hz] of a sinusoid; NaN otherwise.
+    least_span : float [s]
+        Length of record at which one sigma is a quarter of the value: shorter records do not give this term.
+    gain : float
+        What the term adds to twice the log-likelihood; for a ramp the square of value over sigma.
+    contradicted : bool
+        The spectrum would have had the term, but the measured Allan deviation falls below it, so that it is absent: the
+        record holds something that no term describes. `limit` is then what the deviation allows (99.9 %).
+    """
+
+    name: str
+    present: bool
+    value: float = math.nan
+    sigma: float = math.nan
+    limit: float = math.nan
+    extra: float = math.nan
+    extra_sigma: float = math.nan
+    least_span: float = math.nan
+    gain: float = math.nan
+    contradicted: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Flicker:
     """Correlation times that stand for flicker noise.
 
@@ -103,8 +139,8 @@ def gauss_markov_allan(tau: Array, correlation: float) -> Array:
 
     Notes
     -----
-    ``(2/x^2)(x - (3 - 4 exp(-x) + exp(-2x)) / 2)`` with x = tau / correlation (IEEE Std 952-1997, eq. C.18 in another
-    form); for small x its series ``x/3 (2/x) ...`` is used where the difference cancels.
+    ``(2x - 3 + 4 exp(-x) - exp(-2x)) / x^2`` with x = tau / correlation (IEEE Std 952-1997, eq. C.18 in another
+    form); below x = 0.01 a series is used, since the differences cancel.
     """
     x = np.asarray(tau, dtype=float) / correlation
     small = x < 1e-2
@@ -136,7 +172,7 @@ def allan_variance(term: str, tau: Array, values: dict[str, float], flicker_nois
     if term == "B":
         if flicker_noise is None:
             return np.full_like(tau, FLOOR**2 * size)
-        return size * flicker_noise.variance * sum(gauss_markov_allan(tau, c) for c in flicker_noise.tau)
+        return size * flicker_noise.variance * np.sum([gauss_markov_allan(tau, c) for c in flicker_noise.tau], axis=0)
     if term == "K":
         return size * tau / 3.0
     if term == "R":
@@ -171,7 +207,8 @@ def random_density(term: str, frequency: Array, dt: float, span: float, flicker_
         return np.ones_like(frequency)
     if term == "K":
         return 1.0 / wave**2
-    return flicker_noise.variance * sum(gauss_markov_density(frequency, dt, span, c) for c in flicker_noise.tau)
+    parts = [gauss_markov_density(frequency, dt, span, c) for c in flicker_noise.tau]
+    return flicker_noise.variance * np.sum(parts, axis=0)
 
 
 def gauss_markov_density(frequency: Array, dt: float, span: float, correlation: float) -> Array:
@@ -186,7 +223,8 @@ def gauss_markov_density(frequency: Array, dt: float, span: float, correlation: 
     Notes
     -----
     The density of the sampled process, less what the two ends of the record lack. With a = 1 / correlation and
-    b = 2 pi f the continuous integral is ``2a / (a^2 + b^2) - (4 a^2 / span) (1 - (-1)^k exp(-a span)) / (a^2 + b^2)^2``.
+    b = 2 pi f the continuous integral is ``2a / (a^2 + b^2) - (4 a^2 / span) (1 - (-1)^k exp(-a span)) / (a^2 +
+    b^2)^2``.
     """
     a, b = 1.0 / correlation, 2.0 * math.pi * frequency
     decay = math.exp(-dt * a)
