@@ -192,8 +192,8 @@ def reduced(model: Model, wanted: tuple[str, ...]) -> tuple[Model, Array, float,
     highest = math.inf
     while True:
         part = model if math.isinf(highest) else Model(spectrum.below(highest), model.flicker)
-        weight, misfit, left_out = _robust_weights(part, wanted)
-        tried.append((part, weight, misfit, left_out, highest))
+        weight, misfit, left_out, edge = _robust_weights(part, wanted)
+        tried.append((part, weight, misfit, left_out, min(highest, edge)))
         highest = 0.5 * (highest if math.isfinite(highest) else float(spectrum.frequency[-1]))
         if misfit <= _GOOD_ENOUGH and left_out <= 0.5:
             return tried[-1]
@@ -201,7 +201,7 @@ def reduced(model: Model, wanted: tuple[str, ...]) -> tuple[Model, Array, float,
             return min(tried, key=lambda one: one[2])
 
 
-def _robust_weights(model: Model, wanted: tuple[str, ...]) -> tuple[Array, float, float]:
+def _robust_weights(model: Model, wanted: tuple[str, ...]) -> tuple[Array, float, float, float]:
     """Degrees of freedom to count each bin for where no sum of terms fits the whole spectrum.
 
     A relative error common to all bins is what half of the wide bins stay within; bins far beyond it (a line, the
@@ -214,6 +214,8 @@ def _robust_weights(model: Model, wanted: tuple[str, ...]) -> tuple[Array, float
         Relative error of the model in a bin.
     left_out : float
         Share of the wide bins that count for less than half.
+    edge : float [Hz]
+        Above which all bins count for less than half; inf if the last one counts.
     """
     spectrum = model.spectrum
     names = tuple(name for name in RANDOM_TERMS if name in wanted)
@@ -230,7 +232,9 @@ def _robust_weights(model: Model, wanted: tuple[str, ...]) -> tuple[Array, float
         z = residual / (_TUKEY * np.sqrt(2.0 / spectrum.dof + error**2))
         share = np.where(wide, np.where(np.abs(z) < 1.0, (1.0 - np.minimum(z * z, 1.0)) ** 2, 0.0), 1.0)
         weight = 1.0 / (1.0 / spectrum.dof + 0.5 * error**2)
-    return np.maximum(weight * share, 1e-6), error, float(np.mean(share[wide] < 0.5))
+    last = int(np.flatnonzero(share >= 0.5)[-1]) if (share >= 0.5).any() else 0
+    edge = math.inf if last == share.size - 1 else float(spectrum.frequency[last])
+    return np.maximum(weight * share, 1e-6), error, float(np.mean(share[wide] < 0.5)), edge
 
 
 def _common_error(residual: Array, counts: Array) -> float:

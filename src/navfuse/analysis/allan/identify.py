@@ -162,7 +162,7 @@ def _ceiling(name: str, found: Identification, curve: DeviationCurve) -> float:
     """
     from scipy.ndimage import median_filter
 
-    inside = curve.tau >= 0.5 / found.highest
+    inside = curve.tau >= 1.0 / found.highest
     unit = np.sqrt(allan_variance(name, curve.tau, {name: 1.0}, found.flicker))
     ratio = (curve.high / unit)[inside]
     return float(np.min(median_filter(ratio, 5, mode="nearest"))) if ratio.size else math.inf

@@ -138,8 +138,12 @@ class AllanStudy:
         return [axis for axis in self.axes if axis.sensor == sensor]
 
     def white(self, sensor: str) -> float:
-        """Root mean square over the axes of the random walk coefficient N; NaN where no axis shows one."""
-        values = [t.value for axis in self.of(sensor) for t in axis.identification.terms if t.name == "N" and t.present]
+        """Root mean square over the axes of the random walk coefficient N, or of its limit where it is not seen.
+
+        NaN where the record has no such sensor, or N was not looked for.
+        """
+        terms = [t for axis in self.of(sensor) for t in axis.identification.terms if t.name == "N"]
+        values = [t.value if t.present else t.limit for t in terms]
         return float(np.sqrt(np.mean(np.square(values)))) if values else math.nan
 
 
