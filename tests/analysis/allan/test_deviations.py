@@ -32,8 +32,10 @@ def nbs14():
 
 @pytest.mark.parametrize("kind", NBS14)
 def test_the_published_digits_of_the_nbs14_set(kind):
+    """One unit of the seventh digit: the source cuts some off instead of rounding (Hadamard at 10: 0.10527542)."""
     found = deviation(nbs14(), 1.0, kind, grid=np.array([1, 10, 100])).deviation
-    assert found == pytest.approx(NBS14[kind], rel=1.5e-7)
+    digits = [10.0 ** (np.floor(np.log10(value)) - 6) for value in NBS14[kind]]
+    assert np.all(np.abs(found - NBS14[kind]) <= digits)
 
 
 def published(folder, name):

@@ -182,7 +182,7 @@ def chi_square(likelihood: Restricted, best: Fit) -> tuple[float, float]:
     return float(residual @ residual), float(residual.size - best.log.size)
 
 
-def reduced(model: Model, wanted: tuple[str, ...]) -> tuple[Model, Array, float, float, float]:
+def reduced(model: Model, wanted: tuple[str, ...], first: Fit) -> tuple[Model, Array, float, float, float]:
     """Leave out bins, and if that does not help the upper octaves, until a sum of terms describes the others.
 
     What a filter integrates is at the low end; vibration and filters of the sensor are at the upper one.
@@ -192,7 +192,7 @@ def reduced(model: Model, wanted: tuple[str, ...]) -> tuple[Model, Array, float,
     highest = math.inf
     while True:
         part = model if math.isinf(highest) else Model(spectrum.below(highest), model.flicker)
-        weight, misfit, left_out, edge = _robust_weights(part, wanted)
+        weight, misfit, left_out, edge = _robust_weights(part, wanted, first)
         tried.append((part, weight, misfit, left_out, min(highest, edge)))
         highest = 0.5 * (highest if math.isfinite(highest) else float(spectrum.frequency[-1]))
         if misfit <= _GOOD_ENOUGH and left_out <= 0.5:
@@ -201,7 +201,7 @@ def reduced(model: Model, wanted: tuple[str, ...]) -> tuple[Model, Array, float,
             return min(tried, key=lambda one: one[2])
 
 
-def _robust_weights(model: Model, wanted: tuple[str, ...]) -> tuple[Array, float, float, float]:
+def _robust_weights(model: Model, wanted: tuple[str, ...], first: Fit) -> tuple[Array, float, float, float]:
     """Degrees of freedom to count each bin for where no sum of terms fits the whole spectrum.
 
     A relative error common to all bins is what half of the wide bins stay within; bins far beyond it (a line, the
@@ -222,7 +222,9 @@ def _robust_weights(model: Model, wanted: tuple[str, ...]) -> tuple[Array, float
     wide = spectrum.dof >= _WIDE
     if np.count_nonzero(wide) < 20:
         wide = np.ones_like(wide)
-    share, error, begin = np.ones_like(spectrum.dof), _FIRST_ERROR, None
+    share, error = np.ones_like(spectrum.dof), _FIRST_ERROR
+    known = dict(zip(first.names, first.log, strict=False))
+    begin = np.array([known.get(name, model.start(name) - 5.0) for name in names])
     weight = 1.0 / (1.0 / spectrum.dof + 0.5 * error**2)
     for _ in range(_REWEIGHTINGS):
         fit = model.fit(names, Restricted(spectrum, False, np.maximum(weight * share, 1e-6)), begin)

@@ -201,8 +201,8 @@ def _select(model: Model, wanted: tuple[str, ...], lines: list[Term]) -> Identif
     best, likelihood, ramp = choose(model, wanted, None)
     chi2, dof = chi_square(Restricted(spectrum, ramp), best)
     misfit, left_out, highest = 0.0, 0.0, math.inf
-    if chi2 > dof + 4.0 * math.sqrt(2.0 * dof + float(np.sum(12.0 / spectrum.dof))):
-        model, weight, misfit, left_out, highest = reduced(model, wanted)
+    if chi2 > dof + 6.0 * math.sqrt(2.0 * dof + float(np.sum(12.0 / spectrum.dof))):
+        model, weight, misfit, left_out, highest = reduced(model, wanted, best)
         best, likelihood, ramp = choose(model, wanted, weight)
     information = 0.5 * (best.slopes * likelihood.dof) @ best.slopes.T
     covariance = np.linalg.pinv(information)
