@@ -146,7 +146,7 @@ def identify(
     refused: set[str] = set()
     while True:
         found = _select(model, tuple(name for name in terms if name not in refused), lines)
-        above = _contradicted(found, curve)
+        above = _contradicted(found, curve) if found.misfit > 0.0 or found.left_out > 0.0 else set()
         refused |= above
         if not any(name in RANDOM_TERMS and name not in refused for name in terms):
             found = _nothing(found)
@@ -169,7 +169,11 @@ def _ceiling(name: str, found: Identification, curve: DeviationCurve) -> float:
 
 
 def _contradicted(found: Identification, curve: DeviationCurve) -> set[str]:
-    """Terms that alone exceed the measured deviation by more than chance allows: it must hold each of them."""
+    """Terms that alone exceed the measured deviation by more than chance allows: it must hold each of them.
+
+    Asked of records only that no sum of terms fits. In one that is fitted, the longest averaging times are a few numbers,
+    which may well be low by chance, and of which the likelihood knows.
+    """
     present = (term for term in found.terms if term.present and term.name in CEILED)
     return {term.name for term in present if abs(term.value) > _TOLERANCE * _ceiling(term.name, found, curve)}
 

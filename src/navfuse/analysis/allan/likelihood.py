@@ -97,6 +97,8 @@ def _edges(n: int) -> Array:
 class Restricted:
     """Restricted log-likelihood of a model of the density, with its gradient; regressors are integrated out.
 
+    The regressors are scaled to unit length first: a ramp and the ends of a long record differ by twenty decades.
+
     Parameters
     ----------
     spectrum : CosineSpectrum
@@ -112,8 +114,10 @@ class Restricted:
         share = np.ones_like(spectrum.dof) if weight is None else weight / spectrum.dof
         self.dof = spectrum.dof * share
         self._power = spectrum.power * share
-        self._design = spectrum.design[use] * share
-        self._gram = spectrum.gram[np.ix_(use, use)] * share
+        scale = 1.0 / np.sqrt(np.array([spectrum.gram[k, k].sum() for k in use]))
+        self._ramp_scale = float(scale[-1])
+        self._design = spectrum.design[use] * share * scale[:, None]
+        self._gram = spectrum.gram[np.ix_(use, use)] * share * np.outer(scale, scale)[:, :, None]
 
     def value(self, density: Array) -> tuple[float, Array]:
         """Log-likelihood, and its derivative by the logarithm of the density in each bin."""
@@ -134,7 +138,8 @@ class Restricted:
         """The ramp and its standard deviation, unit of the rate per second."""
         inverse = 1.0 / density
         covariance = np.linalg.inv(self._gram @ inverse)
-        return float((covariance @ (self._design @ inverse))[-1]), math.sqrt(covariance[-1, -1])
+        slope = float((covariance @ (self._design @ inverse))[-1])
+        return self._ramp_scale * slope, self._ramp_scale * math.sqrt(covariance[-1, -1])
 
     def price_of_ramp(self, density: Array) -> float:
         """What to add to the restricted likelihood to compare it with one that has no ramp."""
