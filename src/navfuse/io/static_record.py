@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -194,13 +195,13 @@ def _columns(path: Path, extension: str, skip_rows: int) -> dict[str, Array]:
         return {name: np.asarray(column, dtype=np.float64) for name, column in table.read(table.names).items()}
     try:
         if extension == ".npz":
-            with np.load(path, allow_pickle=False) as archive:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
                 return {name: archive[name] for name in archive.files}
         if extension == ".mat":
             from scipy.io import loadmat
 
             return {name: np.asarray(value) for name, value in loadmat(path).items() if not name.startswith("__")}
-    except (OSError, ValueError, KeyError, NotImplementedError, TypeError) as error:
+    except (OSError, ValueError, KeyError, NotImplementedError, TypeError, BadZipFile) as error:
         raise InputError(f"{path}: not a readable {extension} file: {str(error).splitlines()[0]}") from error
     import io
 
