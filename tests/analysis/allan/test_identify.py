@@ -236,3 +236,46 @@ def test_records_that_tell_nothing(values, message):
 def test_settings_that_make_no_sense(options, message):
     with pytest.raises(ConfigError, match=message):
         identify(record(2000, 1, noise=1.0), RATE, **options)
+
+
+@pytest.mark.slow
+def test_simulated_sensors_of_two_grades():
+    """Five logs of 6 h: 15 records of each grade; the full study is ``benchmarks.allan_identification``.
+
+    One sigma covers the truth in 68 % of the records; of 90 terms that is 61.5 give or take 4.4, three of which are
+    allowed. Medians of 15 scatter by 1.25 / sqrt(15) = 0.32 of the sigma of one.
+    """
+    from navfuse.data.logs import ImuLog
+    from navfuse.imu.error_model import ImuErrorModel
+    from navfuse.simulation import ImuSensorModel, measure_imu
+
+    dph = math.radians(1.0) / 3600.0
+    truth = {
+        "gyro": {"N": 12.0 * dph, "B": 5.0 / FLOOR * dph, "K": 0.5 * dph},
+        "accel": {"N": 2.4 * dph, "B": 0.25 / FLOOR * dph, "K": 0.024 * dph},
+    }
+    n = 2_160_000
+    still = ImuLog(np.arange(n) / 100.0, np.zeros((n, 3)), np.zeros((n, 3)), "rates")
+    model = ImuSensorModel(
+        ImuErrorModel(arw=truth["gyro"]["N"], vrw=truth["accel"]["N"]),
+        gyro_bias_instability=truth["gyro"]["B"],
+        accel_bias_instability=truth["accel"]["B"],
+        gyro_rate_walk=truth["gyro"]["K"],
+        accel_rate_walk=truth["accel"]["K"],
+    )
+    ratios: dict[tuple[str, str], list[float]] = {}
+    covered, spurious = 0, 0
+    for seed in range(5):
+        log, _ = measure_imu(still, model, np.random.default_rng(500 + seed))
+        for sensor, values in truth.items():
+            for axis in range(3):
+                found = identify(np.ascontiguousarray(getattr(log, sensor)[:, axis]), 100.0)
+                spurious += found.term("Q").present + found.term("R").present
+                for name, value in values.items():
+                    term = found.term(name)
+                    covered += term.present and abs(term.value - value) < term.sigma
+                    ratios.setdefault((sensor, name), []).append(term.value / value)
+    for (_, name), values in ratios.items():
+        assert abs(np.nanmedian(values) - 1.0) < {"N": 0.02, "B": 0.15, "K": 0.20}[name]
+    assert abs(covered - 0.683 * 90) < 3.0 * math.sqrt(90 * 0.683 * 0.317)
+    assert spurious <= 5
