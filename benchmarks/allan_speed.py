@@ -1,6 +1,6 @@
 """Speed of the overlapping Allan deviation beside allantools, in one run on the same record.
 
-    python -m benchmarks.allan_speed
+python -m benchmarks.allan_speed
 """
 
 from __future__ import annotations
@@ -36,8 +36,10 @@ def main() -> None:
 
     values = np.random.default_rng(0).standard_normal(SAMPLES)
     deviation(values[:10_000], RATE)
-    table = Table(title=f"Overlapping Allan deviation of {SAMPLES:g} rates, {numba.get_num_threads()} threads, shortest time")
-    for name in ("averaging times", "navfuse s", f"allantools {version('allantools')} s", "ratio", "largest difference"):
+    threads = numba.get_num_threads()
+    table = Table(title=f"Overlapping Allan deviation of {SAMPLES:g} rates, {threads} threads, shortest time")
+    peer = f"allantools {version('allantools')} s"
+    for name in ("averaging times", "navfuse s", peer, "ratio", "largest difference"):
         table.add_column(name)
     hundred = np.unique(np.rint(np.geomspace(1, SAMPLES // 3, 100)).astype(np.int64))
     for label, grid in (("octave", 2 ** np.arange(23)), ("100 logarithmic", hundred)):

@@ -61,7 +61,7 @@ def test_everything_is_written(navfuse, log, tmp_path):
 
 
 def test_json_and_settings_on_standard_output(navfuse, log):
-    code, out, _ = navfuse("allan", log, "--json", "--grid", "octave", "--terms", "Q,N,B,K,R,GM,sin")
+    code, out, _ = navfuse("allan", log, "--json", "--grid", "octave", "--gyro", "gyro_degps", "--terms", "N,K,sin")
     assert code == 0
     assert json.loads(out)["axes"]["gyro_y"]["terms"]["sin"]["present"] is False
     code, out, _ = navfuse("allan", log, "--config", "--grid", "octave", "--gyro-turn-on", "0.2 deg/s")

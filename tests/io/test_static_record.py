@@ -15,7 +15,7 @@ N, RATE, G = 200, 50.0, 9.80665
 
 def columns(kind="rates", n=N):
     rng = np.random.default_rng(0)
-    gyro, accel = rng.normal(0.0, 1e-3, (n, 3)), rng.normal(0.0, 1e-2, (n, 3)) + [0.0, 0.0, -G]
+    gyro, accel = rng.normal(0.0, 1e-3, (n, 3)), rng.normal([0.0, 0.0, -G], 1e-2, (n, 3))
     names = ("gyro_{}_radps", "accel_{}_mps2") if kind == "rates" else ("dtheta_{}_rad", "dvel_{}_mps")
     scale = 1.0 if kind == "rates" else 1.0 / RATE
     table = {"time_s": np.arange(n) / RATE}

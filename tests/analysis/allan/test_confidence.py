@@ -91,9 +91,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
     assert abs(inside / count - 0.8) < 3.0 * math.sqrt(0.16 / count)
 
 
-@pytest.mark.parametrize(
-    ("order", "alpha"), [(0, 0), (1, -2), (-1, 2)], ids=["white", "random walk", "quantisation"]
-)
+@pytest.mark.parametrize(("order", "alpha"), [(0, 0), (1, -2), (-1, 2)], ids=["white", "random walk", "quantisation"])
 def test_noise_types(order, alpha):
     values = np.random.default_rng(2).standard_normal(20_000)
     rates = np.cumsum(values) if order == 1 else np.diff(values, prepend=0.0) if order == -1 else values

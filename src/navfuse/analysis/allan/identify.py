@@ -171,8 +171,8 @@ def _ceiling(name: str, found: Identification, curve: DeviationCurve) -> float:
 def _contradicted(found: Identification, curve: DeviationCurve) -> set[str]:
     """Terms that alone exceed the measured deviation by more than chance allows: it must hold each of them.
 
-    Asked of records only that no sum of terms fits. In one that is fitted, the longest averaging times are a few numbers,
-    which may well be low by chance, and of which the likelihood knows.
+    Asked of records only that no sum of terms fits. In one that is fitted, the longest averaging times are a few
+    numbers, which may well be low by chance, and of which the likelihood knows.
     """
     present = (term for term in found.terms if term.present and term.name in CEILED)
     return {term.name for term in present if abs(term.value) > _TOLERANCE * _ceiling(term.name, found, curve)}
