@@ -1,0 +1,285 @@
+"""Which noise terms a record shows, how large they are, and how sure that is.
+
+The likelihood is that of :mod:`navfuse.analysis.allan.likelihood`: each point of the spectrum enters with exactly the
+confidence it has, and no correlation between averaging times is left out, which is what a least-squares fit to an Allan
+curve cannot give. A term is reported if it earns its price, and if the measured Allan deviation leaves room for it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from navfuse.analysis.allan.deviations import DeviationCurve, curve_of_phases, phase_stretches
+from navfuse.analysis.allan.fitting import Fit, Model, chi_square, choose, reduced
+from navfuse.analysis.allan.likelihood import CosineSpectrum, Restricted, cosine_spectrum
+from navfuse.analysis.allan.terms import RANDOM_TERMS, TERMS, Flicker, Term, allan_variance, flicker
+from navfuse.errors import ConfigError, InputError
+
+Array = np.ndarray
+
+WANTED = 0.25
+"""Relative one sigma that the stated least length of a record is for."""
+
+SHORTEST = 1000
+"""Samples; shorter records are refused."""
+
+_CONTRADICTED = 0.998
+_TOLERANCE = 1.5
+CEILED = (*RANDOM_TERMS, "R")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """Noise terms of one axis and how well they describe the record.
+
+    Attributes
+    ----------
+    terms : tuple of Term
+        Every term that was asked for, in the order of :data:`~navfuse.analysis.allan.terms.TERMS`.
+    spectrum : CosineSpectrum
+    density : (b,) array
+        Fitted density at the frequencies of the spectrum.
+    chi2, dof : float
+        Sum of squared residuals of the bins, and what it should be.
+    misfit : float
+        Relative error of the model in each bin that explains what half of them are off by; 0 for a model that fits.
+        The standard deviations include it.
+    left_out : float
+        Share of the bins that no term explains and that hardly count: lines, resonances, the edge of a filter.
+    highest : float [Hz]
+        Above it nothing is fitted, since no term explains it; inf for a fit to everything.
+    correlation : (p, p) array
+        Correlation of the logarithms of the coefficients, in the order of `parameters`.
+    parameters : tuple of str
+    flicker : Flicker
+    span : float [s]
+        Length of the stretch that was used.
+    """
+
+    terms: tuple[Term, ...]
+    spectrum: CosineSpectrum
+    density: Array
+    chi2: float
+    dof: float
+    misfit: float
+    left_out: float
+    highest: float
+    correlation: Array
+    parameters: tuple[str, ...]
+    flicker: Flicker
+    span: float
+
+    def term(self, name: str) -> Term:
+        """The first term of this name."""
+        return next(term for term in self.terms if term.name == name)
+
+    def allan_variance(self, tau: Array, name: str | None = None) -> Array:
+        """Allan variance of the fitted model, or of one of its terms (NaN if absent)."""
+        parts = [term for term in self.terms if term.present and name in (None, term.name)]
+        if not parts:
+            return np.full(np.shape(tau), np.nan)
+        total = np.zeros(np.shape(tau))
+        for term in parts:
+            values = {term.name: term.value, "GM_tau": term.extra, "sin_hz": term.extra}
+            total += allan_variance(term.name, tau, values, self.flicker)
+        return total
+
+
+def identify(
+    values: Array,
+    rate: float,
+    *,
+    terms: tuple[str, ...] = ("Q", "N", "B", "K", "R"),
+    flicker_band: tuple[float, float] = (0.1, 1e4),
+) -> Identification:
+    """Noise terms of a record of rates without gaps.
+
+    Parameters
+    ----------
+    values : (n,) array
+        Rates; for increments divide by the sampling interval.
+    rate : float [Hz]
+    terms : tuple of str
+        Terms to look for, of :data:`~navfuse.analysis.allan.terms.TERMS`.
+    flicker_band : (float, float) [s]
+        Correlation times between which bias instability is flat.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    InputError
+        For a record of fewer than 1000 samples, with values that are not finite, or a constant one.
+    ConfigError
+        For an unknown term, none at all, or a band that is not at least a decade.
+    """
+    unknown = [name for name in terms if name not in TERMS]
+    if unknown or not terms:
+        raise ConfigError(f"noise terms {', '.join(unknown) or '(none)'}: known are {', '.join(TERMS)}")
+    if not (0.0 < flicker_band[0] and 10.0 * flicker_band[0] <= flicker_band[1] < math.inf):
+        raise ConfigError(
+            f"flicker_band = {flicker_band} must be two correlation times in seconds, a decade or more apart"
+        )
+    values = np.asarray(values, dtype=np.float64)
+    if values.ndim != 1 or values.size < SHORTEST:
+        raise InputError(
+            f"a record of {values.size} samples is too short to identify noise: at least {SHORTEST} are needed"
+        )
+    if not np.isfinite(values).all():
+        raise InputError("the record has values that are not finite; identify one stretch between gaps at a time")
+    if np.ptp(values) == 0.0:
+        raise InputError("the record is constant: a channel without any noise is not connected, or stuck")
+    dt = 1.0 / rate
+    lines: list[Term] = []
+    if "sin" in terms:
+        from navfuse.analysis.allan.lines import take_lines_out
+
+        values, lines = take_lines_out(values, rate)
+    spectrum = cosine_spectrum(values, dt)
+    model = Model(spectrum, flicker(spectrum.span, *flicker_band))
+    curve = curve_of_phases(phase_stretches(values, rate), rate, "oadev", grid=10, level=_CONTRADICTED)
+    refused: set[str] = set()
+    while True:
+        found = _select(model, tuple(name for name in terms if name not in refused), lines)
+        above = _contradicted(found, curve) if found.misfit > 0.0 or found.left_out > 0.0 else set()
+        refused |= above
+        if not any(name in RANDOM_TERMS and name not in refused for name in terms):
+            found = _nothing(found)
+            above = set()
+        if not above:
+            return _with_ceilings(found, terms, refused, curve)
+
+
+def _ceiling(name: str, found: Identification, curve: DeviationCurve) -> float:
+    """Largest coefficient whose Allan deviation stays below the measured one, where the model is meant to hold.
+
+    The smallest median of five neighbouring averaging times: single ones dip where a line has whole periods in them.
+    """
+    from scipy.ndimage import median_filter
+
+    inside = curve.tau >= 1.0 / found.highest
+    unit = np.sqrt(allan_variance(name, curve.tau, {name: 1.0}, found.flicker))
+    ratio = (curve.high / unit)[inside]
+    return float(np.min(median_filter(ratio, 5, mode="nearest"))) if ratio.size else math.inf
+
+
+def _contradicted(found: Identification, curve: DeviationCurve) -> set[str]:
+    """Terms that alone exceed the measured deviation by more than chance allows: it must hold each of them.
+
+    Asked of records only that no sum of terms fits. In one that is fitted, the longest averaging times are a few
+    numbers, which may well be low by chance, and of which the likelihood knows.
+    """
+    present = (term for term in found.terms if term.present and term.name in CEILED)
+    return {term.name for term in present if abs(term.value) > _TOLERANCE * _ceiling(term.name, found, curve)}
+
+
+def _with_ceilings(
+    found: Identification, wanted: tuple[str, ...], refused: set[str], curve: DeviationCurve
+) -> Identification:
+    """Put back the terms that the Allan deviation contradicts, as absent, and lower limits that it does not allow."""
+    terms = {term.name: term for term in found.terms if term.name != "sin"}
+    for name in wanted:
+        if name in CEILED and not (name in terms and terms[name].present):
+            limits = [_ceiling(name, found, curve)]
+            if name in terms and math.isfinite(terms[name].limit):
+                limits.append(terms[name].limit)
+            terms[name] = Term(name, False, limit=min(limits), contradicted=name in refused)
+    lines = [term for term in found.terms if term.name == "sin"]
+    return replace(found, terms=(*(terms[name] for name in TERMS if name in terms), *lines))
+
+
+def _nothing(found: Identification) -> Identification:
+    """No term at all describes the record."""
+    terms = tuple(term for term in found.terms if not term.present)
+    nothing = np.full_like(found.density, np.nan)
+    return replace(found, terms=terms, density=nothing, parameters=(), correlation=np.empty((0, 0)))
+
+
+def _select(model: Model, wanted: tuple[str, ...], lines: list[Term]) -> Identification:
+    spectrum, whole = model.spectrum, model
+    best, likelihood, ramp = choose(model, wanted, None)
+    chi2, dof = chi_square(Restricted(spectrum, ramp), best)
+    misfit, left_out, highest = 0.0, 0.0, math.inf
+    if chi2 > dof + 6.0 * math.sqrt(2.0 * dof + float(np.sum(12.0 / spectrum.dof))):
+        model, weight, misfit, left_out, highest = reduced(model, wanted, best)
+        best, likelihood, ramp = choose(model, wanted, weight)
+    information = 0.5 * (best.slopes * likelihood.dof) @ best.slopes.T
+    covariance = np.linalg.pinv(information)
+    sigma = np.sqrt(np.diag(covariance))
+    found = {}
+    for k, name in enumerate(best.names):
+        value = math.exp(0.5 * best.log[k])
+        relative = float(0.5 * sigma[k])
+        extra = math.exp(best.log[-1]) if name == "GM" else math.nan
+        found[name] = Term(
+            name,
+            True,
+            value,
+            relative * value,
+            extra=extra,
+            extra_sigma=extra * float(sigma[-1]) if name == "GM" else math.nan,
+            least_span=spectrum.span * (relative / WANTED) ** 2,
+            gain=_gain(model, best, name, likelihood),
+        )
+    if "R" in wanted:
+        slope, slope_sigma = Restricted(model.spectrum, True, likelihood.weight).ramp(best.density)
+        if ramp:
+            relative = slope_sigma / abs(slope)
+            least = spectrum.span * (relative / WANTED) ** 0.5
+            found["R"] = Term("R", True, slope, slope_sigma, gain=relative**-2, least_span=least)
+        else:
+            found["R"] = Term("R", False, limit=abs(slope) + 1.645 * slope_sigma)
+    for name in wanted:
+        if name not in found and name != "sin":
+            limit = _limit(model, best, name, likelihood) if name in RANDOM_TERMS else math.nan
+            found[name] = Term(name, False, limit=limit)
+    ordered = [found[name] for name in TERMS if name in found]
+    ordered += lines if lines else ([Term("sin", False)] if "sin" in wanted else [])
+    names = best.names + (("GM_tau",) if "GM" in best.names else ())
+    return Identification(
+        tuple(ordered),
+        spectrum,
+        whole.density(best.names, best.log)[0],
+        chi2,
+        dof,
+        misfit,
+        left_out,
+        highest,
+        covariance / np.outer(sigma, sigma),
+        names,
+        model.flicker,
+        spectrum.span,
+    )
+
+
+def _gain(model: Model, best: Fit, name: str, likelihood: Restricted) -> float:
+    others = tuple(other for other in best.names if other != name)
+    if not others:
+        return math.inf
+    keep = [k for k, other in enumerate(best.names) if other != name]
+    begin = best.log[keep]
+    if "GM" in others:
+        begin = np.append(begin, best.log[-1])
+    return 2.0 * (best.total - model.fit(others, likelihood, begin).total)
+
+
+def _limit(model: Model, best: Fit, name: str, likelihood: Restricted) -> float:
+    """Largest coefficient that twice the log-likelihood misses the best by 2.71 for: a one-sided limit of 95 %."""
+    from scipy.optimize import brentq
+
+    base = model.shapes[name]
+
+    def excess(log: float) -> float:
+        density = best.density + math.exp(log) * base
+        return 2.0 * (best.total - likelihood.value(density)[0]) - 2.71
+
+    low = model.start(name) - 20.0
+    high = model.start(name) + 12.0
+    if excess(low) > 0.0 or excess(high) < 0.0:
+        return math.nan
+    return math.exp(0.5 * float(brentq(excess, low, high, xtol=1e-3)))  # type: ignore[arg-type]

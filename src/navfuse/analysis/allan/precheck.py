@@ -1,0 +1,231 @@
+"""Is a record one of a sensor at rest, and from when to when? Motion, saturation, stuck values, drift."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+Array = np.ndarray
+
+FLOOR = {"gyro": math.radians(0.1), "accel": 0.05}
+"""Changes of the mean from one window to the next [rad/s], [m/s^2] that are never called motion."""
+
+_SIGMAS = 8.0
+_NOISE_RATIO = 3.0
+_NEIGHBOURS = 30
+_SATURATED = 20
+_LEVELS = 30
+_TREND = 0.8
+
+
+@dataclass(frozen=True, slots=True)
+class StaticSpan:
+    """The longest part of a record at rest.
+
+    Attributes
+    ----------
+    begin, end : int
+        Samples, the last one not included.
+    moving : float
+        Share of the record that is in motion.
+    shaken : float
+        Share of the record where the noise stands out, as from steps or a passing lorry, while the sensor stays.
+    windows : tuple of (int, int)
+        Where it moves: first and last sample of each stretch, at most ten of them.
+    """
+
+    begin: int
+    end: int
+    moving: float
+    shaken: float
+    windows: tuple[tuple[int, int], ...]
+
+
+def static_span(channels: list[tuple[str, Array]], rate: float) -> StaticSpan:
+    """Find motion.
+
+    The record is cut into windows of a second (a hundred samples, if that is more). It moves where the mean of an axis
+    jumps from one window to the next by more than it usually does and by more than a sensor could be blamed for. Slow
+    drift is not motion, nor is noise that stands out from that of the windows around: that is shaking.
+
+    Parameters
+    ----------
+    channels : list of (sensor, (n,) array)
+        "gyro" [rad/s] or "accel" [m/s^2]; NaN where missing.
+    rate : float [Hz]
+
+    Returns
+    -------
+    StaticSpan
+    """
+    n = channels[0][1].size
+    width = max(100, round(rate))
+    count = n // width
+    if count < 4:
+        return StaticSpan(0, n, 0.0, 0.0, ())
+    moves, shakes = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
+    for sensor, values in channels:
+        jump, shaken = _moving(values[: count * width].reshape(count, width), FLOOR[sensor])
+        moves |= jump
+        shakes |= shaken
+    shaking = float(np.mean(shakes & ~moves))
+    stretches = _true_runs(moves)
+    if not stretches:
+        return StaticSpan(0, n, 0.0, shaking, ())
+    still = _true_runs(~moves)
+    if not still:
+        return StaticSpan(0, 0, 1.0, 0.0, ((0, n),))
+    begin, end = max(still, key=lambda run: run[1] - run[0])
+    return StaticSpan(
+        begin * width,
+        n if end == count else end * width,
+        float(np.mean(moves)),
+        shaking,
+        tuple((a * width, min(b * width, n)) for a, b in stretches[:10]),
+    )
+
+
+def _moving(windows: Array, floor: float) -> tuple[Array, Array]:
+    """Windows of one axis between which the mean jumps, and those whose noise stands out."""
+    good = np.isfinite(windows)
+    number = good.sum(axis=1)
+    jumps, shakes = np.zeros(windows.shape[0], dtype=bool), np.zeros(windows.shape[0], dtype=bool)
+    known = np.flatnonzero(number >= 0.5 * windows.shape[1])
+    if known.size < 4:
+        return jumps, shakes
+    good, windows, number = good[known], windows[known], number[known]
+    mean = np.where(good, windows, 0.0).sum(axis=1) / number
+    noise = np.sqrt(np.where(good, (windows - mean[:, None]) ** 2, 0.0).sum(axis=1) / number)
+    quiet = float(np.quantile(noise, 0.1))
+    step = np.abs(np.diff(mean, prepend=mean[0]))
+    usual_step = 1.4826 * float(np.median(step[1:]))
+    white = quiet / math.sqrt(windows.shape[1])
+    jump = step > max(_SIGMAS * min(usual_step, 5.0 * white + 0.2 * floor), floor)
+    jump[:-1] |= jump[1:]
+    jumps[known] = jump
+    shakes[known] = noise > _NOISE_RATIO * np.minimum(_running_median(noise), _NOISE_RATIO * quiet)
+    return jumps, shakes
+
+
+def _running_median(values: Array) -> Array:
+    from scipy.ndimage import median_filter
+
+    return median_filter(values, size=min(2 * _NEIGHBOURS + 1, values.size), mode="nearest")
+
+
+def _true_runs(flags: Array) -> list[tuple[int, int]]:
+    edge = np.diff(flags.astype(np.int8), prepend=0, append=0)
+    return list(zip(np.flatnonzero(edge == 1).tolist(), np.flatnonzero(edge == -1).tolist(), strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelCheck:
+    """What is odd about one axis.
+
+    Attributes
+    ----------
+    constant : bool
+        All values are equal.
+    step : float
+        Smallest difference of two values, the resolution of the output; 0 if they are not on a grid.
+    stuck : tuple of (int, int)
+        First and last sample of the longest run of equal values, if it is longer than chance allows.
+    saturated : int
+        Samples at the largest or smallest value, if they pile up there.
+    trend : float
+        Change along the record of a straight line, unit of the values.
+    drifts : bool
+        Whether that line explains most of what the means of the windows do: it is warm-up or drift, not noise.
+    """
+
+    constant: bool
+    step: float
+    stuck: tuple[int, int] | None
+    saturated: int
+    trend: float
+    drifts: bool
+
+
+def check_channel(values: Array, rate: float) -> ChannelCheck:
+    """Look for a constant, stuck, saturated or drifting axis.
+
+    Parameters
+    ----------
+    values : (n,) array
+        NaN where missing.
+    rate : float [Hz]
+    """
+    good = values[np.isfinite(values)]
+    if good.size < 2 or np.ptp(good) == 0.0:
+        return ChannelCheck(True, 0.0, None, 0, 0.0, False)
+    trend, drifts = _trend(values, rate)
+    return ChannelCheck(False, resolution(good), _stuck(good), _saturated(good), trend, drifts)
+
+
+def resolution(values: Array) -> float:
+    """Step between neighbouring output values; 0 where the values are not multiples of one.
+
+    Parameters
+    ----------
+    values : (n,) array
+        Without NaN.
+    """
+    levels = np.unique(values[:100_000])
+    gaps = np.diff(levels)
+    scale = float(np.max(np.abs(levels)))
+    gaps = gaps[gaps > 1e-6 * scale]
+    if gaps.size == 0:
+        return 0.0
+    step = float(np.min(gaps))
+    step = float(np.mean(gaps[gaps < 1.5 * step]))
+    ratio = gaps / step
+    on_grid = np.abs(ratio - np.rint(ratio)) < 0.05 * np.maximum(1.0, ratio * 0.02)
+    return step if levels.size < 0.2 * min(values.size, 100_000) and np.mean(on_grid) > 0.9 else 0.0
+
+
+def _stuck(values: Array) -> tuple[int, int] | None:
+    """The longest run of equal values, if chance would not make it: ten times what independent values would show."""
+    same = np.diff(values) == 0.0
+    share = min(float(np.mean(same)), 0.98)
+    runs = _true_runs(same)
+    if not runs:
+        return None
+    begin, end = max(runs, key=lambda run: run[1] - run[0])
+    expected = math.log(values.size) / -math.log(share) if share > 0.0 else 1.0
+    return (begin, end) if end - begin > 3.0 * expected + 10.0 else None
+
+
+def _saturated(values: Array) -> int:
+    """Samples that pile up at an end of the range, instead of thinning out towards it."""
+    if np.unique(values[:100_000]).size < _LEVELS:
+        return 0
+    total = 0
+    for sign in (1.0, -1.0):
+        turned = sign * values
+        top = float(turned.max())
+        at_top = int(np.count_nonzero(turned == top))
+        rest = turned[turned < top]
+        if at_top >= _SATURATED and rest.size and at_top > 2 * int(np.count_nonzero(rest == rest.max())):
+            total += at_top
+    return total
+
+
+def _trend(values: Array, rate: float) -> tuple[float, bool]:
+    """Change along a straight line through the means of a hundred windows, and whether it explains most of them."""
+    count = 100
+    width = values.size // count
+    if width < 2:
+        return 0.0, False
+    windows = values[: count * width].reshape(count, width)
+    good = np.isfinite(windows)
+    number = good.sum(axis=1)
+    known = number > 0.5 * width
+    if np.count_nonzero(known) < 10:
+        return 0.0, False
+    mean = np.where(good, windows, 0.0).sum(axis=1)[known] / number[known]
+    where = (np.arange(count) + 0.5)[known] / count - 0.5
+    slope = float(where @ (mean - mean.mean()) / (where @ where))
+    explained = slope**2 * float(where @ where) / float(np.sum((mean - mean.mean()) ** 2) or 1.0)
+    return slope, explained > _TREND

@@ -1,0 +1,232 @@
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from navfuse.analysis.allan import StudySettings, error_model, study
+from navfuse.analysis.allan.precheck import check_channel, resolution, static_span
+from navfuse.analysis.allan.recommend import bias_model
+from navfuse.analysis.allan.settings import remarks
+from navfuse.analysis.allan.spectra import autocorrelation, power_spectrum
+from navfuse.analysis.allan.terms import gauss_markov_allan
+from navfuse.data.logs import ImuLog
+from navfuse.errors import ConfigError, InputError
+from navfuse.imu.error_model import ImuErrorModel
+from navfuse.io.static_record import Channel, StaticRecord
+from navfuse.simulation import ImuSensorModel, measure_imu
+
+RATE = 50.0
+G = 9.80665
+
+
+def still(n=20_000, seed=0, noise=(1e-3, 1e-2)):
+    rng = np.random.default_rng(seed)
+    channels = []
+    for sensor, size in zip(("gyro", "accel"), noise, strict=True):
+        for axis in "xyz":
+            values = size * rng.standard_normal(n) - (G if (sensor, axis) == ("accel", "z") else 0.0)
+            channels.append(Channel(f"{sensor} {axis}", sensor, values))
+    return StaticRecord(tuple(channels), RATE, 100.0, "rates", None, "log.csv")
+
+
+def pairs(record):
+    return [(channel.sensor, channel.values) for channel in record.channels]
+
+
+def test_a_record_at_rest_is_used_whole():
+    record = still()
+    assert static_span(pairs(record), RATE).windows == ()
+    found = study(record, StudySettings(grid="octave"))
+    assert found.warnings == ()
+    assert found.span == 400.0
+    assert found.start == 100.0
+    assert found.white("gyro") == pytest.approx(1e-3 / math.sqrt(RATE), rel=0.02)
+    assert found.gyro is None
+    assert [axis.name for axis in found.of("accel")] == ["accel x", "accel y", "accel z"]
+
+
+def test_motion_is_found_and_cut_off():
+    record = still()
+    record.channels[1].values[:3000] += 0.3 * np.sin(np.arange(3000) / 40.0)
+    span = static_span(pairs(record), RATE)
+    assert 2900 <= span.begin <= 3300
+    assert span.end == 20_000
+    found = study(record, StudySettings(grid="octave"))
+    assert any("it moves for" in text and "only the longest part at rest" in text for text in found.warnings)
+    with pytest.raises(InputError, match=r"it moves for 1\d\.\d % of the record.* cut the record with --from-s"):
+        study(record, StudySettings(motion="refuse"))
+
+
+def test_a_log_that_moves_is_refused():
+    record = still()
+    for channel in record.channels:
+        channel.values[:] += 0.4 * np.sin(np.arange(20_000) / 70.0)
+    with pytest.raises(InputError, match="Allan variance needs a sensor at rest"):
+        study(record)
+    alone = dataclasses.replace(record, channels=record.channels[:1])
+    assert study(alone, StudySettings(motion="ignore", grid="octave", terms=("N",))).rest.moving == 0.0
+
+
+def test_shaking_is_told_but_not_cut_out():
+    record = still()
+    record.channels[3].values[5000:5300] += 0.1 * np.random.default_rng(1).standard_normal(300)
+    found = study(record, StudySettings(grid="octave"))
+    assert found.rest.end - found.rest.begin == 20_000
+    assert any("noise stands out in" in text for text in found.warnings)
+
+
+def test_slow_drift_is_not_motion():
+    record = still()
+    record.channels[0].values[:] += np.linspace(0.0, 0.02, 20_000)
+    found = study(record, StudySettings(grid="octave"))
+    assert found.rest.moving == 0.0
+    assert any("gyro x: a straight line explains most" in text for text in found.warnings)
+    assert found.of("gyro")[0].identification.term("R").present
+
+
+def test_constant_channel():
+    record = still()
+    record.channels[2].values[:] = 0.1
+    with pytest.raises(InputError, match="gyro z is constant: the channel is not connected, or stuck"):
+        study(record)
+
+
+def test_stuck_saturated_and_quantised():
+    values = np.random.default_rng(3).standard_normal(20_000)
+    plain = check_channel(values, RATE)
+    assert (plain.constant, plain.step, plain.stuck, plain.saturated, plain.drifts) == (False, 0.0, None, 0, False)
+    held = values.copy()
+    held[4000:4200] = held[4000]
+    assert check_channel(held, RATE).stuck == (4000, 4199)
+    assert check_channel(np.clip(values, -2.0, 2.0), RATE).saturated > 500
+    coarse = np.round(values / 0.3) * 0.3
+    assert check_channel(coarse, RATE).step == pytest.approx(0.3)
+    assert check_channel(coarse, RATE).saturated == 0
+    assert resolution(values) == 0.0
+
+
+def test_stuck_and_saturated_are_told():
+    record = still()
+    record.channels[0].values[4000:4200] = 1e-3
+    record.channels[1].values[:] = np.clip(record.channels[1].values, -2e-3, 2e-3)
+    texts = study(record, StudySettings(grid="octave")).warnings
+    assert any("gyro x repeats one value 200 times, from 80 s" in text for text in texts)
+    assert any("gyro y" in text and "stand at the end of the range: it is saturated" in text for text in texts)
+
+
+def test_temperature():
+    record = still()
+    warm = StaticRecord(
+        record.channels, RATE, 0.0, "rates", np.linspace(20.0, 28.0, 20_000), "log.csv", ("log.csv: a note",)
+    )
+    texts = study(warm, StudySettings(grid="octave")).warnings
+    assert any("the temperature changes by 8 K" in text for text in texts)
+    assert "log.csv: a note" in texts
+
+
+def test_missing_samples():
+    record = still()
+    record.channels[0].values[7000:7010] = np.nan
+    found = study(record, StudySettings(grid="octave"))
+    assert found.of("gyro")[0].missing == 10
+    assert found.of("gyro")[0].identification.span == pytest.approx(12_990 / RATE)
+    assert any("gyro x: 10 samples are missing" in text for text in found.warnings)
+    with pytest.raises(InputError, match="gyro x: 10 samples are missing, the first 140 s"):
+        study(record, StudySettings(gaps="refuse"))
+    record.channels[0].values[::500] = np.nan
+    with pytest.raises(InputError, match="log.csv: gyro x: a record of 499 samples is too short"):
+        study(record, StudySettings(grid="octave"))
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"kinds": ("avar",)}, ConfigError, "unknown deviation avar"),
+        ({"kinds": ()}, ConfigError, "unknown deviation"),
+        ({"level": 0.0}, ConfigError, "level = 0.0 must be a probability"),
+        ({"horizon_s": 0.0}, ConfigError, "horizon = 0.0 must be"),
+        ({"from_s": 500.0}, InputError, "the part from 500 to 400 s is not in the record, which is 400 s long"),
+        ({"until_s": 10.0}, InputError, "500 samples are too short a record: at least 1000"),
+        ({"longest_s": 300.0}, InputError, "an averaging time of 300 s needs a record of twice that; there are 400 s"),
+    ],
+)
+def test_what_is_asked_for_in_vain(settings, error, message):
+    with pytest.raises(error, match=message):
+        study(still(), StudySettings(**settings))
+
+
+def test_earth_rate_is_not_drift():
+    record = still()
+    before = study(record, StudySettings(grid="octave"))
+    record.channels[2].values[:] += 7.292e-5
+    after = study(record, StudySettings(grid="octave"))
+    pair = [found.of("gyro")[2] for found in (before, after)]
+    assert pair[1].mean - pair[0].mean == pytest.approx(7.292e-5)
+    assert not pair[1].identification.term("R").present
+    assert pair[1].curves["oadev"].deviation == pytest.approx(pair[0].curves["oadev"].deviation, rel=1e-9)
+
+
+def test_a_gauss_markov_bias_is_recommended_as_it_is():
+    tau = np.geomspace(1.0, 7200.0, 200)
+    slow = [sd**2 * gauss_markov_allan(tau, 400.0) for sd in (1.0, 2.0, 3.0)]
+    model = bias_model([*slow[:2], None], [1.0, 1.0, 1.0], tau, 3600.0)
+    assert model.tau == pytest.approx(400.0, rel=0.06)
+    assert model.sd == pytest.approx((1.0, 2.0, 0.0), rel=0.06)
+    walk = bias_model([0.01 * tau / 3.0], [1.0], tau, 3600.0)
+    assert math.isinf(walk.tau)
+    assert walk.walk[0] == pytest.approx(0.1, rel=1e-6)
+    assert bias_model([None, None], [1.0, 1.0], tau, 3600.0) is None
+
+
+def simulated(model, seconds, seed):
+    time = np.arange(round(seconds * RATE)) / RATE
+    log = ImuLog(time, np.zeros((time.size, 3)), np.tile([0.0, 0.0, -G], (time.size, 1)), "rates")
+    log, _ = measure_imu(log, ImuSensorModel(model), np.random.default_rng(seed))
+    channels = [Channel(f"{s} {a}", s, getattr(log, s)[:, k]) for s in ("gyro", "accel") for k, a in enumerate("xyz")]
+    return StaticRecord(tuple(channels), RATE, 0.0, "rates", None, "simulated")
+
+
+def test_round_trip_of_the_settings():
+    """Analyse, simulate with the recommended settings, analyse again: N within 2 %, the biases within 20 % (median)."""
+    truth = ImuErrorModel(arw=5e-5, vrw=1e-3, gyro_bias_walk=2e-6, accel_bias_walk=5e-5)
+    first = error_model(study(simulated(truth, 4000.0, 1), StudySettings(grid="octave", terms=("N", "B", "K"))))
+    assert first.arw == pytest.approx(truth.arw, rel=0.02)
+    assert first.vrw == pytest.approx(truth.vrw, rel=0.02)
+    assert math.isinf(first.gyro_bias_tau)
+    again = error_model(study(simulated(first, 4000.0, 2), StudySettings(grid="octave", terms=("N", "B", "K"))))
+    assert again.arw == pytest.approx(first.arw, rel=0.02)
+    assert again.vrw == pytest.approx(first.vrw, rel=0.02)
+    for name in ("gyro_bias_walk", "accel_bias_walk"):
+        for model, source in ((first, truth), (again, first)):
+            assert np.median(np.abs(model.axes(name) / source.axes(name) - 1.0)) < 0.2
+
+
+def test_turn_on_makes_a_walk():
+    truth = ImuErrorModel(arw=5e-5, vrw=1e-3, gyro_bias_sd=1e-4, gyro_bias_tau=30.0)
+    found = study(simulated(truth, 2000.0, 3), StudySettings(grid="octave", terms=("N", "GM"), horizon_s=200.0))
+    plain, started = error_model(found), error_model(found, turn_on_gyro=1e-2)
+    assert plain.gyro_bias_tau == pytest.approx(30.0, rel=0.3)
+    assert np.median(plain.axes("gyro_bias_sd")) == pytest.approx(1e-4, rel=0.25)
+    assert math.isinf(started.gyro_bias_tau)
+    assert started.axes("gyro_bias_sd") == pytest.approx(np.hypot(1e-2, plain.axes("gyro_bias_sd")))
+    drive = plain.axes("gyro_bias_sd") * (2.0 / plain.gyro_bias_tau) ** 0.5
+    assert started.axes("gyro_bias_walk") == pytest.approx(drive)
+    assert any("gyro_bias_sd: in-run only" in text for text in remarks(found))
+    assert not any("gyro_bias_sd: in-run only" in text for text in remarks(found, (1e-2, 0.0)))
+
+
+def test_spectrum_and_autocorrelation():
+    values = 0.5 * math.sqrt(RATE) * np.random.default_rng(4).standard_normal(40_000)
+    spectrum = power_spectrum(values, RATE)
+    level = 2.0 * 0.5**2
+    assert np.average(spectrum.density, weights=spectrum.frequency) == pytest.approx(level, rel=0.03)
+    inside = (spectrum.low < level) & (level < spectrum.high)
+    assert 0.55 < inside.mean() < 0.85
+    found = autocorrelation(values, RATE)
+    assert found.correlation[0] == 1.0
+    assert found.variance == pytest.approx(0.25 * RATE, rel=0.03)
+    assert np.mean(np.abs(found.correlation[1:]) < found.bound) > 0.9
+    assert autocorrelation(values, RATE, average=2.0).average == 2.0

@@ -1,0 +1,146 @@
+from __future__ import annotations
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from navfuse.config.imu_section import model_of_file
+
+RATE, G = 50.0, 9.80665
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Ten minutes at rest, quantised and as noisy as a cheap sensor."""
+    rng = np.random.default_rng(0)
+    n = 30_000
+    gyro = np.degrees(1e-3) * rng.standard_normal((n, 3)) * np.sqrt(RATE)
+    gyro += 1e-3 * np.cumsum(rng.standard_normal((n, 3)), axis=0)
+    accel = 1e-3 * rng.standard_normal((n, 3)) + [0.0, 0.0, -1.0]
+    path = tmp_path / "log.npz"
+    np.savez(path, gyro_degps=gyro, accel_g=accel, rate_hz=RATE)
+    return path
+
+
+def test_table(navfuse, log):
+    code, out, err = navfuse("allan", log, "--grid", "octave", "-q")
+    assert (code, out, err) == (0, "", "")
+    code, out, err = navfuse("allan", log, "--grid", "octave")
+    assert (code, err) == (0, "")
+    assert "at rest from 0 to 600 s" in out
+    assert "angle random walk" in out
+    assert "deg/s/sqrt(Hz)" in out
+    assert "not seen" in out
+    assert "0.664 B" in out
+
+
+def test_everything_is_written(navfuse, log, tmp_path):
+    folder = tmp_path / "out"
+    code, out, _ = navfuse("allan", log, "-o", folder, "--kind", "oadev,hdev", "--grid", "5")
+    assert code == 0
+    assert "allan.json, allan.png, allan.html, imu.toml" in out
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "allan.html", "allan.json", "allan.png", "hdev.csv", "imu.toml", "oadev.csv",
+    ]  # fmt: skip
+    assert (folder / "allan.png").read_bytes()[:4] == b"\x89PNG"
+    page = (folder / "allan.html").read_text(encoding="utf-8")
+    assert "src=" not in page.split("<script>")[0]
+    assert "default-src 'none'" in page
+    found = json.loads((folder / "allan.json").read_text())
+    term = found["axes"]["gyro_x"]["terms"]["N"]
+    assert term["value_degps_per_sqrt_hz"] == pytest.approx(np.degrees(1e-3), rel=0.02)
+    assert 0.0 < term["sigma_degps_per_sqrt_hz"] < 0.01 * term["value_degps_per_sqrt_hz"]
+    assert found["axes"]["gyro_x"]["terms"]["K"]["present"]
+    curve = found["axes"]["accel_z"]["deviations"]["hdev"]
+    assert len(curve["tau_s"]) == len(curve["low_ug"]) == len(curve["edf"])
+    assert (folder / "oadev.csv").read_text().startswith("tau_s,gyro_x_deviation_dph,gyro_x_low_dph")
+    model = model_of_file(folder / "imu.toml")
+    assert model.arw == pytest.approx(1e-3, rel=0.02)
+
+
+def test_json_and_settings_on_standard_output(navfuse, log):
+    code, out, _ = navfuse("allan", log, "--json", "--grid", "octave", "--gyro", "gyro_degps", "--terms", "N,K,sin")
+    assert code == 0
+    assert json.loads(out)["axes"]["gyro_y"]["terms"]["sin"]["present"] is False
+    code, out, _ = navfuse("allan", log, "--config", "--grid", "octave", "--gyro-turn-on", "0.2 deg/s")
+    keys = tomllib.loads(out)["imu"]
+    assert code == 0
+    assert min(np.atleast_1d(keys["gyro_bias_sd_dph"])) > 720.0
+    assert keys["gyro_bias_tau_s"] == float("inf")
+    assert "accel_bias_sd: in-run only" in out
+
+
+def test_one_sensor_alone(navfuse, log):
+    code, out, _ = navfuse("allan", log, "--accel", "accel_g", "--config", "--grid", "octave")
+    assert code == 0
+    assert "arw" not in tomllib.loads(out)["imu"]
+    assert "gyro" not in "".join(tomllib.loads(out)["imu"])
+
+
+def test_warnings_reach_the_terminal(navfuse, tmp_path):
+    values = np.random.default_rng(1).standard_normal((5000, 3))
+    values[100:300, 0] = 0.5
+    np.savez(tmp_path / "log.npz", gyro_dph=values, rate_hz=10.0)
+    code, _, err = navfuse("allan", tmp_path / "log.npz", "-q", "--grid", "octave")
+    assert code == 0
+    assert "warning:" in err
+    assert "gyro x repeats one value 200 times" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--config", "--json"], "--config and --json both print"),
+        (["--rate", "100"], "--rate 100 Hz contradicts the file"),
+        (["--gyro-turn-on", "3 mg"], "'mg' is a unit of acceleration; wanted is angular rate"),
+        (["--accel-turn-on", "-3 mg"], "must not be negative"),
+        (["--kind", "avar"], "unknown deviation avar"),
+        (["--grid", "fine"], "give octave, decade, all, or a number"),
+        (["--terms", "Z"], "noise terms Z: known are Q, N"),
+        (["--gyro", "w"], "no column 'w' for --gyro"),
+        (["--gyro", "gyro_degps", "--gyro-unit", "furlong"], "unknown unit 'furlong'"),
+        (["--from-s", "700"], "is not in the record, which is 600 s long"),
+        (["--until-s", "2"], "100 samples are too short a record"),
+        (["--longest-s", "500"], "needs a record of twice that"),
+        (["--horizon-s", "0"], "horizon = 0.0 must be"),
+    ],
+)
+def test_one_clear_message(navfuse, log, options, message):
+    code, out, err = navfuse("allan", log, "-q", *options)
+    assert (code, out) == (1, "")
+    assert err.startswith("error: ")
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_bad_logs(navfuse, tmp_path):
+    rng = np.random.default_rng(2)
+    moving = rng.standard_normal((20_000, 3)) * 0.1 + 20.0 * np.sin(np.arange(20_000) / 300.0)[:, None]
+    cases = {
+        "moving": (moving, "Allan variance needs a sensor at rest"),
+        "constant": (np.zeros((5000, 3)), "gyro x is constant"),
+        "nan": (np.full((5000, 3), np.nan), "gyro x is constant"),
+        "short": (rng.standard_normal((50, 3)), "50 samples are too short a record"),
+    }
+    for name, (values, message) in cases.items():
+        np.savez(tmp_path / f"{name}.npz", gyro_degps=values, rate_hz=100.0)
+        code, _, err = navfuse("allan", tmp_path / f"{name}.npz", "-q")
+        assert code == 1, name
+        assert message in err
+    code, _, err = navfuse("allan", tmp_path / "none.csv")
+    assert code == 1
+    assert "there is no such file" in err
+
+
+def test_the_static_record_of_the_manual(navfuse, shared_data):
+    path = shared_data / "adis16405-static" / "adis_16405_imu1.npz"
+    code, out, err = navfuse("allan", path, "--json", "--grid", "octave", "--gyro", "gyro_degps")
+    assert code == 0
+    assert "no sum of the terms fits the whole spectrum" in err
+    axes = json.loads(out)["axes"]
+    for axis in axes.values():
+        assert axis["terms"]["N"]["value_degps_per_sqrt_hz"] == pytest.approx(0.04, abs=0.004)
+        assert axis["resolution_dph"] == pytest.approx(180.0, rel=1e-3)
+        assert axis["terms"]["B"]["floor_degps"] == pytest.approx(0.006, abs=0.003)

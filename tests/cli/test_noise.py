@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+import tomllib
+
+import pytest
+
+
+def test_data_sheet_to_settings(navfuse):
+    code, out, err = navfuse("noise", "--gyro-noise", "0.005 deg/s/sqrt(Hz)", "--gyro-bias", "6 deg/h", "--tau", "1 h")
+    assert (code, err) == (0, "")
+    assert "# gyro: N = 0.005 deg/s/sqrt(Hz) = 0.3 deg/sqrt(h)" in out
+    assert tomllib.loads(out)["imu"] == {
+        "arw_deg_per_sqrt_h": 0.3,
+        "gyro_bias_sd_dph": 9.718,
+        "gyro_bias_tau_s": 3600.0,
+    }
+
+
+def test_settings_to_data_sheet(navfuse, tmp_path):
+    _, out, _ = navfuse("noise", "--gyro-noise", "0.3 deg/sqrt(h)", "--accel-noise", "0.06 m/s/sqrt(h)")
+    (tmp_path / "imu.toml").write_text(out)
+    code, out, _ = navfuse("noise", "--from", tmp_path / "imu.toml", "--bandwidth", "50 Hz")
+    assert code == 0
+    assert "0.3 deg/sqrt(h) = 0.005 deg/s/sqrt(Hz)" in out
+    assert "accel rms noise in 50 Hz" in out
+    code, out, _ = navfuse("noise", "--grade", "navigation")
+    assert code == 0
+    assert "gyro in-run bias stability" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ([], "give figures of a data sheet"),
+        (["--grade", "tactical", "--gyro-noise", "1 deg/sqrt(h)"], "give figures of a data sheet"),
+        (["--grade", "tactial"], "did you mean 'tactical'"),
+        (["--gyro-noise", "1 deg/sqrt(parsec)"], "unknown unit 'parsec'"),
+        (["--gyro-noise", "0.1 deg/s"], "needs --bandwidth"),
+        (["--gyro-noise", "0.1 deg/s", "--bandwidth", "3 s"], "'s' is a unit of time; wanted is frequency"),
+        (["--gyro-bias", "1 deg/h", "--tau", "5"], "the unit is missing"),
+        (["--grade", "tactical", "--bandwidth", "10 Hz", "--order", "9"], "order = 9 must be one of"),
+    ],
+)
+def test_one_clear_message(navfuse, options, message):
+    code, out, err = navfuse("noise", *options)
+    assert (code, out) == (1, "")
+    assert err.startswith("error: ")
+    assert message in err
