@@ -153,12 +153,10 @@ def run_project(
     ConfigError
         If a log of the project is a file that the run would replace.
     """
-    from navfuse.io.atomic import atomic_folder
+    from navfuse.io.atomic import atomic_folder, refuse_to_replace
 
     project = load_project(path)
-    for file in (project.imu.file, project.gnss.file):
-        if file is not None and file.name in _OUTPUT_NAMES and file.resolve().parent == Path(folder).resolve():
-            raise ConfigError(f"{file} is read by this run and would be replaced by it; choose another output folder")
+    refuse_to_replace(project_inputs(project, path), folder, _OUTPUT_NAMES)
     with atomic_folder(folder, stale=_OUTPUT_NAMES) as staging:
         result = process(project, progress=progress)
         write_result(staging, result, project.output.formats)
@@ -173,6 +171,11 @@ _OUTPUT_NAMES = tuple(
     [f"{name}.{format_}" for name in ("forward", "smoothed", "innovations") for format_ in ("parquet", "csv")]
     + ["summary.json", "report.html"]
 )
+
+
+def project_inputs(project: Project, path: str | os.PathLike[str]) -> list[Path]:
+    """The files that a project reads: its own and its logs."""
+    return [Path(path), *(file for file in (project.imu.file, project.gnss.file) if file is not None)]
 
 
 def write_result(folder: Path, result: Result, formats: tuple[str, ...] = ("parquet",)) -> None:

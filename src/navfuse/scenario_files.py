@@ -15,10 +15,10 @@ from navfuse.config.sections import ImuConfig
 from navfuse.config.toml_text import toml_value
 from navfuse.core.rotation import euler_from_quat
 from navfuse.data.start import Start
-from navfuse.errors import ConfigError
+from navfuse.errors import ConfigError, OutputError
 from navfuse.imu.error_model import DATASHEET_UNITS
 from navfuse.io.aiding_tables import write_aiding
-from navfuse.io.atomic import atomic_folder
+from navfuse.io.atomic import atomic_folder, refuse_to_replace
 from navfuse.io.log_tables import write_gnss, write_imu
 from navfuse.io.tables import write_table
 from navfuse.io.trajectory_table import write_trajectory
@@ -32,7 +32,7 @@ _ANYWHERE = Start.from_parts(0.0, _NOUGHT, _NOUGHT, _NOUGHT, _NOUGHT, _NOUGHT, _
 
 UWB, ANCHORS_FILE = "uwb", "anchors.csv"
 IMU_FILE, GNSS_FILE, TRUTH_FILE, PROJECT_FILE = "imu.parquet", "gnss.csv", "truth.parquet", "project.toml"
-_OWN_FILES = (IMU_FILE, GNSS_FILE, TRUTH_FILE, PROJECT_FILE, ANCHORS_FILE)
+_MANIFEST = "# files of this simulation: "
 
 
 def simulate_scenario(
@@ -50,7 +50,7 @@ def simulate_scenario(
         The name of one in the package or the path of a scenario file.
     folder : path-like
         Gets ``imu.parquet``, ``gnss.csv``, a table for every other sensor, ``truth.parquet`` and ``project.toml``, all
-        or nothing. The logs of an earlier scenario go; other files stay.
+        or nothing. What an earlier simulation wrote there goes, as its project file lists it; other files stay.
     seed : int, optional
         Default the scenario's own. The same seed gives the same bytes.
     progress : callable, optional
@@ -66,15 +66,22 @@ def simulate_scenario(
         As :func:`~navfuse.simulation.scenario.load_scenario` and
         :func:`~navfuse.simulation.scenario_run.run_scenario`, and if the scenario's ``[project]`` is no valid project.
     OutputError
-        If the folder cannot be written; found out before the work begins.
+        If the folder cannot be written, or holds files of the same names that no simulation wrote; found out before the
+        work begins.
     """
     tell = progress or _silent
     chosen = scenario if isinstance(scenario, Scenario) else load_scenario(Path(scenario))
     project_tables(chosen, None if chosen.start is None else _ANYWHERE)
-    stale = (*_OWN_FILES, *(kind.file for kind in SENSORS.values()))
-    for file in chosen.inputs:
-        if file.name in (*stale, chosen.one_table) and file.resolve().parent == Path(folder).resolve():
-            raise ConfigError(f"{file} is what {chosen.name} is made of and would be replaced; choose another folder")
+    earlier = _written_earlier(Path(folder))
+    names = scenario_file_names(chosen)
+    refuse_to_replace(chosen.inputs, folder, (*names, *earlier))
+    foreign = [name for name in names if name not in earlier and (Path(folder) / name).exists()]
+    if foreign:
+        raise OutputError(
+            f"{folder}: {', '.join(foreign)} would be replaced, and no earlier simulation wrote it there; choose another "
+            "folder"
+        )
+    stale = earlier
     with atomic_folder(folder, stale=stale) as staging:
         tell("simulate", 0.0)
         logs = run_scenario(chosen, seed)
@@ -126,6 +133,8 @@ def project_tables(scenario: Scenario, start: Start | None = None) -> dict[str, 
     if start is not None:
         tables["start"] = _start_keys(start, scenario)
     for name, table in scenario.project.items():
+        if "file" in table:
+            raise ConfigError(f"{scenario.name}: [project.{name}]: file is what the simulation writes; leave it out")
         tables.setdefault(name, {}).update(table)
     Project.from_dict(tables, source=f"{scenario.name}: [project]")
     return tables
@@ -140,10 +149,33 @@ def project_text(logs: ScenarioLogs) -> str:
         If the scenario's ``[project]`` is no valid project.
     """
     scenario = logs.scenario
-    lines = [f"# {scenario.title}: scenario {scenario.name}, seed {logs.seed}"]
+    lines = [
+        f"# {' '.join(scenario.title.split())}: scenario {scenario.name}, seed {logs.seed}",
+        _MANIFEST + " ".join(scenario_file_names(scenario)),
+    ]
     for name, table in project_tables(scenario, logs.start).items():
         lines += ["", f"[{name}]", *(f"{key} = {toml_value(value)}" for key, value in table.items())]
     return "\n".join(lines) + "\n"
+
+
+def scenario_file_names(scenario: Scenario) -> list[str]:
+    """Names of the files that a run of a scenario writes."""
+    names = [IMU_FILE, *([GNSS_FILE] if scenario.gnss is not None else [])]
+    names += [SENSORS[section].file for section in scenario.sensors]
+    names += [ANCHORS_FILE] * (UWB in scenario.sensors) + [scenario.one_table] * bool(scenario.one_table)
+    return [*names, TRUTH_FILE, PROJECT_FILE]
+
+
+def _written_earlier(folder: Path) -> tuple[str, ...]:
+    """Names of the files of an earlier simulation, by the second line of its project file."""
+    try:
+        lines = (folder / PROJECT_FILE).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return ()
+    if len(lines) < 2 or not lines[1].startswith(_MANIFEST):
+        return ()
+    names = lines[1][len(_MANIFEST) :].split()
+    return tuple(name for name in names if Path(name).name == name)
 
 
 def nineteen_columns(logs: ScenarioLogs) -> dict[str, np.ndarray]:

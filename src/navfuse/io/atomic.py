@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from navfuse.errors import OutputError
+from navfuse.errors import ConfigError, OutputError
 
 
 @contextmanager
@@ -99,6 +99,27 @@ def atomic_folder(path: str | os.PathLike[str], stale: Iterable[str] = ()) -> It
         for folder in made:
             if folder.is_dir() and not any(folder.iterdir()):
                 folder.rmdir()
+
+
+def refuse_to_replace(inputs: Iterable[Path], folder: str | os.PathLike[str], names: Iterable[str]) -> None:
+    """Refuse an output folder in which one of the files to be written or removed is an input.
+
+    Parameters
+    ----------
+    inputs : iterable of Path
+    folder : path-like
+    names : iterable of str
+        Of the files that are written into the folder, or removed from it.
+
+    Raises
+    ------
+    ConfigError
+        Naming the input.
+    """
+    own, place = set(names), Path(folder).resolve()
+    for file in inputs:
+        if file.name in own and file.resolve().parent == place:
+            raise ConfigError(f"{file} is read by this run and would be replaced by it; choose another output folder")
 
 
 def _make_staging(path: Path) -> tuple[Path, list[Path]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -135,18 +135,12 @@ def assess(campaign: Campaign, settle_s: float = SETTLE_S) -> dict[str, Assessme
     Raises
     ------
     InputError
-        If the runs do not share their epochs.
+        If there are no epochs that all runs share.
     ConfigError
         If nothing is left to be judged.
     """
-    runs = campaign.runs
+    runs = _at_common_epochs(campaign.runs)
     time = runs[0].time
-    for run in runs:
-        if run.time.shape != time.shape or np.any(np.abs(run.time - time) > SAME_TIME):
-            raise InputError(
-                f"seed {run.seed} has other epochs than seed {runs[0].seed}: runs can only be averaged where all of "
-                "them have measurements at the same times"
-            )
     begin = float(time[0]) + settle_s
     if not begin <= time[-1]:
         raise ConfigError(
@@ -157,6 +151,48 @@ def assess(campaign: Campaign, settle_s: float = SETTLE_S) -> dict[str, Assessme
     if runs[0].smoothed_error is not None:
         found["smoother"] = _assessment("smoother", runs, time, begin, "smoothed_", {})
     return found
+
+
+def _at_common_epochs(runs: list[RunRecord]) -> list[RunRecord]:
+    """The runs at the epochs that all of them have; stamps that jitter put the first or the last fix in or out."""
+    time = runs[0].time
+    if all(run.time.shape == time.shape and np.all(np.abs(run.time - time) <= SAME_TIME) for run in runs):
+        return runs
+    common = _stamps(time)
+    for run in runs[1:]:
+        common = np.intersect1d(common, _stamps(run.time), assume_unique=True)
+    if not common.size:
+        raise InputError(
+            "the runs have no epoch in common: they can only be averaged where all of them have measurements at the "
+            "same times"
+        )
+    return [_picked(run, np.isin(_stamps(run.time), common), common) for run in runs]
+
+
+def _stamps(time: Array) -> Array:
+    """Times as whole numbers of ten microseconds, so that they can be compared."""
+    return np.rint(np.asarray(time) / (10.0 * SAME_TIME)).astype(np.int64)
+
+
+def _picked(run: RunRecord, rows: Array, common: Array) -> RunRecord:
+    smoothed = (
+        {}
+        if run.smoothed_error is None or run.smoothed_sd is None
+        else {
+            "smoothed_error": run.smoothed_error[rows],
+            "smoothed_sd": run.smoothed_sd[rows],
+            "smoothed_nees": {name: values[rows] for name, values in run.smoothed_nees.items()},
+        }
+    )
+    return replace(
+        run,
+        time=run.time[rows],
+        error=run.error[rows],
+        sd=run.sd[rows],
+        nees={name: values[rows] for name, values in run.nees.items()},
+        innovations=run.innovations.select(np.isin(_stamps(run.innovations.time), common)),
+        **smoothed,
+    )
 
 
 def _assessment(

@@ -12,6 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.context import BaseContext
+from multiprocessing.synchronize import Event
 from time import perf_counter
 
 from navfuse.errors import ConfigError, FilterError, InputError
@@ -21,7 +22,7 @@ from navfuse.montecarlo.single import RunRecord, run_case
 Progress = Callable[[str, float], None]
 
 MOST_PER_TASK = 8
-"""Runs handed to a process at once: as many are lost when it is interrupted."""
+"""Runs handed to a process at once; after Ctrl-C each process ends the run that it is at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,11 +129,21 @@ def _in_processes(recipe: Recipe, seeds: list[int], jobs: int, collected: _Colle
         ) from error
     size = max(1, min(MOST_PER_TASK, len(seeds) // (4 * jobs)))
     tasks = [seeds[at : at + size] for at in range(0, len(seeds), size)]
-    pool = ProcessPoolExecutor(jobs, mp_context=_clean_context(), initializer=_ignore_interrupts)
+    context = _clean_context()
+    stop = context.Event()
+    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin_work, initargs=(stop,))
+    futures = []
     try:
         futures = [pool.submit(partial(_run_seeds, recipe), task) for task in tasks]
         for future in as_completed(futures):
             collected.add(future.result())
+    except KeyboardInterrupt:
+        stop.set()
+        pool.shutdown(wait=True, cancel_futures=True)
+        for future in futures:
+            if future.done() and not future.cancelled() and future.exception() is None:
+                collected.add(future.result())
+        raise
     except BrokenProcessPool as error:
         raise FilterError(
             f"a process of the campaign ended after {len(collected.runs)} runs: most often for want of memory (use "
@@ -151,15 +162,24 @@ def _clean_context() -> BaseContext:
     return context
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of a terminal; the first one decides what happens."""
+def _begin_work(stop: Event) -> None:
+    """Ctrl-C reaches every process of a terminal; the first one decides what happens, and says so by `stop`."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _Worker.stop = stop
+
+
+class _Worker:
+    """What a process of a campaign knows of the campaign."""
+
+    stop: Event | None = None
 
 
 def _run_seeds(recipe: Recipe, seeds: list[int]) -> list[RunRecord | tuple[int, str]]:
-    """Records of some seeds; seed and reason for those whose filter could not go on."""
+    """Records of some seeds; seed and reason for those whose filter could not go on. Short of some after Ctrl-C."""
     done: list[RunRecord | tuple[int, str]] = []
     for seed in seeds:
+        if _Worker.stop is not None and _Worker.stop.is_set():
+            break
         case = recipe(seed)
         try:
             done.append(run_case(case, seed))

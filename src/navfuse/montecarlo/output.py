@@ -11,7 +11,7 @@ import numpy as np
 
 from navfuse.analysis.ensemble import SHARE_INSIDE, Average
 from navfuse.errors import ConfigError
-from navfuse.io.atomic import atomic_folder
+from navfuse.io.atomic import atomic_folder, refuse_to_replace
 from navfuse.io.json_file import write_json
 from navfuse.io.tables import write_table
 from navfuse.montecarlo.assessment import SETTLE_S, Assessment, assess
@@ -74,6 +74,7 @@ def montecarlo(
             f"the beginning that is not judged must be at least 0 s and shorter than a run ({length:g} s), not "
             f"{settle_s:g} s"
         )
+    refuse_to_replace(getattr(recipe, "inputs", ()), folder, FILES)
     with atomic_folder(folder, stale=FILES) as staging:
         campaign = run_campaign(recipe, runs, jobs=jobs, first_seed=first_seed, progress=progress)
         assessments = assess(campaign, settle_s)
@@ -193,7 +194,11 @@ def describe(campaign: Campaign, assessments: dict[str, Assessment]) -> list[str
                 after = entry.after(judged.settle_s)
                 ratio = f"{ratios[name]:12.3f}" if name in ratios else ""
                 lines.append(f"{kind} {name:19}{np.mean(after.mean):8.3f}{100.0 * after.share_inside:11.1f} %{ratio}")
-    lines += ["", f"expected of a consistent filter: inside for at least {100.0 * SHARE_INSIDE:.0f} % of the time"]
+    lines += [
+        "",
+        f"expected of a consistent filter: inside for about {100.0 * SHARE_INSIDE:.0f} % of the time or more. An error that",
+        "lasts, such as a bias, has one chance in a run, so that a group may stray; the verdict allows for that.",
+    ]
     if campaign.failed:
         seed, reason = min(campaign.failed.items())
         lines.append(f"{len(campaign.failed)} runs failed, which no average shows; seed {seed}: {reason}")

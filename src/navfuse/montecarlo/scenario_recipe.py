@@ -21,7 +21,7 @@ from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.gaps import gap_limit
 from navfuse.imu.increments import to_increments
 from navfuse.montecarlo.recipes import TRUTHFUL, Case, Recipe, Tampering
-from navfuse.pipeline import filter_settings, gnss_sensors, process, read_logs
+from navfuse.pipeline import filter_settings, gnss_sensors, process, project_inputs, read_logs
 from navfuse.scenario_files import project_tables
 from navfuse.simulation import (
     Motion,
@@ -97,6 +97,11 @@ class ScenarioRecipe:
         return _case(self, simulated, start, project, whole)
 
     @property
+    def inputs(self) -> tuple[Path, ...]:
+        """Files that the scenario is made of."""
+        return self._prepared()[0].inputs
+
+    @property
     def duration(self) -> float:
         """Length of a run [s]."""
         motion = self._prepared()[2].motion
@@ -155,6 +160,11 @@ class ProjectRecipe:
         return _case(self, simulated, start, project, True)
 
     @property
+    def inputs(self) -> list[Path]:
+        """The project file and its logs."""
+        return project_inputs(_project(self.path)[0], self.path)
+
+    @property
     def duration(self) -> float:
         """Length of a run [s]."""
         motion = _project(self.path)[1]
@@ -195,7 +205,7 @@ def recipe_from(
     name = os.fspath(source)
     if _is_project(Path(name)):
         if changes:
-            keys = ", ".join(f"[{section}] {key}" for section, key, _ in changes)
+            keys = ", ".join(f"[{section}] {key}" if section else key for section, key, _ in changes)
             raise ConfigError(f"{name} is a project: {keys} cannot be changed from outside; change the project file")
         return ProjectRecipe(name, frame, smooth, tampering)
     return ScenarioRecipe(name, changes, frame, smooth, tampering)

@@ -283,9 +283,12 @@ def read_scenario(data: Mapping[str, Any], name: str, *, folder: Path = Path(), 
     if not isinstance(project, Mapping) or not all(isinstance(table, Mapping) for table in project.values()):
         raise ConfigError(f"{source}: [project] must hold tables of the project file, e.g. [project.filter]")
     top.finish()
-    if one_table and (Path(one_table).name != one_table or not one_table.endswith(".csv") or receiver is None):
+    taken = {"gnss.csv", "anchors.csv", ".csv", *(sensor.file for sensor in SENSORS.values())}
+    plain = Path(one_table).name == one_table and one_table.endswith(".csv") and len(one_table.split()) == 1
+    if one_table and (not plain or one_table in taken or receiver is None):
         raise ConfigError(
-            f"{source}: one_table must name a .csv file without a folder, and needs [gnss]; not {one_table!r}"
+            f"{source}: one_table must name a .csv file of its own without a folder, and needs [gnss]; not "
+            f"{one_table!r}"
         )
     return Scenario(
         name=name,

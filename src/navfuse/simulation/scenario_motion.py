@@ -98,10 +98,15 @@ def _place(keys: ScenarioTable) -> dict[str, float]:
     lat = keys.number("lat_deg", 48.0)
     if abs(lat) > 90.0:
         raise ConfigError(f"{keys.where}: lat_deg must lie in -90 .. 90, not {lat!r}")
+    lon, height = keys.number("lon_deg", 11.5), keys.number("height_m", 500.0)
+    if not -180.0 <= lon <= 360.0:
+        raise ConfigError(f"{keys.where}: lon_deg must lie in -180 .. 360, not {lon!r}")
+    if not -12e3 <= height <= 1e6:
+        raise ConfigError(f"{keys.where}: height_m must lie in -12000 .. 1e6, not {height!r}")
     return {
         "lat": lat * _DEG,
-        "lon": keys.number("lon_deg", 11.5, _DEG),
-        "height": keys.number("height_m", 500.0),
+        "lon": lon * _DEG,
+        "height": height,
         "heading": keys.number("heading_deg", 0.0, _DEG),
     }
 
@@ -126,7 +131,10 @@ def _driven(keys: ScenarioTable, kind: str, folder: Path) -> Callable[[], Motion
         return dataclasses.replace(VEHICLES[kind](**traits), **changed)
 
     if "segments" in keys:
-        segments = segments_from_tables(keys.tables("segments"))
+        try:
+            segments = segments_from_tables(keys.tables("segments"))
+        except ConfigError as error:
+            raise ConfigError(f"{keys.where}: {error}" if keys.where not in str(error) else str(error)) from error
         speed = keys.number("speed_mps") if "speed_mps" in keys else None
         return lambda: drive(vehicle(), segments, **place, speed=speed)
     waypoints = _waypoints(keys, place)
@@ -138,7 +146,10 @@ def _waypoints(keys: ScenarioTable, place: dict[str, float]) -> list[Waypoint]:
     for number, entry in enumerate(keys.tables("waypoints"), 1):
         point = ScenarioTable(f"{keys.where}, waypoint {number}", entry)
         speed, pause = point.number("speed_mps"), point.number("pause_s", 0.0)
-        if "north_m" in point or "east_m" in point:
+        local = "north_m" in point or "east_m" in point
+        if local and ("lat_deg" in point or "lon_deg" in point):
+            raise ConfigError(f"{point.where}: give lat_deg and lon_deg, or north_m and east_m, not both")
+        if local:
             row = [point.number("north_m"), point.number("east_m"), point.number("up_m", 0.0), speed, pause]
             found += local_waypoints(place["lat"], place["lon"], place["height"], [row])
         else:

@@ -221,6 +221,8 @@ def _repeated(number: int, table: Mapping[str, Any]) -> list[Segment]:
         raise ConfigError(f"{where}: times must be a whole number in 1 .. {MOST_REPEATS}, not {times!r}")
     if not isinstance(inner, list) or not inner or not all(isinstance(entry, Mapping) for entry in inner):
         raise ConfigError(f"{where}: segments must be a list of tables, not {inner!r}")
+    if any(entry.get("do") == REPEAT for entry in inner):
+        raise ConfigError(f"{where}: a repeat inside a repeat is not possible; write the inner one out")
     once = [_segment(f"{number}.{k}", dict(entry)) for k, entry in enumerate(inner, 1)]
     return once * times
 
