@@ -78,7 +78,7 @@ def simulate_scenario(
     foreign = [name for name in names if name not in earlier and (Path(folder) / name).exists()]
     if foreign:
         raise OutputError(
-            f"{folder}: {', '.join(foreign)} would be replaced, and no earlier simulation wrote it there; choose another "
+            f"{folder}: {', '.join(foreign)} would be replaced, and no earlier simulation wrote it; choose another "
             "folder"
         )
     stale = earlier

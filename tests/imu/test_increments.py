@@ -431,10 +431,10 @@ def test_a_block_that_does_not_follow_the_last_is_refused_and_changes_nothing():
 
 @pytest.mark.parametrize("state", [np.zeros(7), np.zeros((1, 9)), 0.0, np.zeros(16)])
 def test_a_state_of_the_wrong_shape_is_refused(state):
-    with pytest.raises(InputError, match="from rates is restored from 0 or 9 numbers"):
+    with pytest.raises(InputError, match="from rates is restored from 0 or 14 numbers"):
         IncrementsBuilder("rates").restore(state)
 
 
 def test_a_builder_of_increments_says_which_states_it_takes():
-    with pytest.raises(InputError, match=r"from increments is restored from 0 or 9 or 16 numbers, not \(8,\)"):
+    with pytest.raises(InputError, match=r"from increments is restored from 0 or 14 or 21 numbers, not \(8,\)"):
         IncrementsBuilder("increments").restore(np.zeros(8))

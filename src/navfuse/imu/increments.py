@@ -43,8 +43,21 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 _ROW = 7
+_HEAD = 7
+NO_INTERVAL = (0.0, 0.0)
+NO_STEPS = (0.0, 0.0, 0.0, 0.0, 0.0)
 MISSING_STEPS = 1.5
 """An interval of more usual ones than this may hide rows that are missing."""
+FILL_STEPS = 1.7
+"""Usual steps above which an interval may have lost rows; below, stamps jitter."""
+FEWEST_STEPS = 4.0
+"""Intervals that it takes to know the usual step."""
+MEMORY_STEPS = 16.0
+"""Intervals over which the usual step is a mean."""
+MOST_SCATTER = 0.5
+"""Mean deviation of the intervals from the usual one, in usual steps, above which stamps do not tell of lost rows."""
+MOST_FORCE = 60.0
+"""Specific force [m/s^2] above which a row is not taken for one usual step."""
 LONGEST_RATIO = 3.0
 """Two previous increments tell nothing reliable about an interval longer than this many of the shorter of theirs."""
 EQUAL = 1e-6
@@ -99,16 +112,6 @@ def _from_rates(time, gyro, accel, gap_s, inc_theta, inc_v):
             inc_v[k - 1, i] = half * (accel[k - 1, i] + accel[k, i]) + scale * (sculling_w[i] + sculling_f[i])
 
 
-@njit(cache=True)
-def _covers_usual_step(dv, k, dt, usual):
-    """Whether the velocity increment of row k, |f| continuing, speaks for one usual step rather than for all of
-    `dt`.
-    """
-    before = sqrt(dv[k - 1, 0] ** 2 + dv[k - 1, 1] ** 2 + dv[k - 1, 2] ** 2) / usual
-    size = sqrt(dv[k, 0] ** 2 + dv[k, 1] ** 2 + dv[k, 2] ** 2)
-    return abs(size / usual - before) < abs(size / dt - before)
-
-
 @njit(cache=True, error_model="numpy")
 def correction_factors(dt, dt1, dt2, gap_s):
     """Factors of coning and sculling of an increment sensor.
@@ -158,11 +161,57 @@ def correction_factors(dt, dt1, dt2, gap_s):
 
 
 @njit(cache=True, error_model="numpy")
-def steps_missing(dv, k, dt, dt1):
-    """Usual steps, of length `dt1`, that are missing before row k; 0 if the row covers all of its interval `dt`."""
-    if dt1 > 0.0 and dt > MISSING_STEPS * dt1 and _covers_usual_step(dv, k, dt, dt1):
-        return dt / dt1 - 1.0
-    return 0.0
+def steps_missing(size, dt, steps):
+    """Usual steps that are missing before a row of an increment log; 0 if the row covers all of its interval.
+
+    Parameters
+    ----------
+    size : float [m/s]
+        Length of the velocity increment of the row.
+    dt : float [s]
+        From the stamp before to that of the row.
+    steps : tuple
+        From :func:`next_steps`.
+
+    Notes
+    -----
+    Rows are missing if the interval, less what stamps before it came early, is longer than FILL_STEPS usual steps, and
+    the velocity increment speaks for one usual step rather than for all of it: |f| continuing, and not of an absurd
+    size, which would mean that the step is not the usual one. Stamps that scatter by more than MOST_SCATTER say nothing.
+    """
+    usual, count, early, scatter, force = steps
+    length = dt - early
+    if count < FEWEST_STEPS or scatter > MOST_SCATTER or length <= FILL_STEPS * usual or size > MOST_FORCE * usual:
+        return 0.0
+    return length / usual - 1.0 if abs(size / usual - force) < abs(size / length - force) else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def next_steps(size, dt, steps, missing):
+    """What is known of the steps of an increment log behind a row; arguments as of :func:`steps_missing`.
+
+    Returns
+    -------
+    usual : float [s]
+        Running mean over MEMORY_STEPS intervals, so that neither a wrong stamp nor rows that arrive in bursts become the
+        measure of those that follow; an interval in which rows are missing does not count.
+    count : float
+        Of intervals in it.
+    early : float [s]
+        How much the last stamp came early.
+    scatter : float
+        Mean deviation from the usual step, in usual steps; missing rows count as at most two, so that a log that seems to
+        lose rows all the time is believed in the end.
+    force : float [m/s^2]
+        |f| in the row.
+    """
+    usual, count, early, scatter, force = steps
+    if missing > 0.0:
+        return usual, count, 0.0, scatter + (min(missing, 2.0) - scatter) / count, size / usual
+    count = min(count + 1.0, MEMORY_STEPS)
+    usual += (dt - usual) / count
+    scatter += (abs(dt - usual) / usual - scatter) / count
+    return usual, count, min(max(early + usual - dt, 0.0), usual), scatter, size / max(dt - early, usual)
 
 
 @njit(cache=True, error_model="numpy")
@@ -191,12 +240,19 @@ def _row(values, k):
 
 
 @njit(cache=True, error_model="numpy")
-def _from_increments(time, dtheta, dv, first, gap_s, dt1, dt2, inc_theta, inc_v):
+def _length(values, k):
+    return sqrt(values[k, 0] ** 2 + values[k, 1] ** 2 + values[k, 2] ** 2)
+
+
+@njit(cache=True, error_model="numpy")
+def _from_increments(time, dtheta, dv, first, gap_s, dt1, dt2, steps, inc_theta, inc_v):
     for k in range(first, time.size):
         row = k - first
-        dt = time[k] - time[k - 1]
-        half = 0.5 * steps_missing(dv, k, dt, dt1)
-        if half > 0.0:
+        dt, size = time[k] - time[k - 1], _length(dv, k)
+        missing = steps_missing(size, dt, steps)
+        steps = next_steps(size, dt, steps, missing)
+        if missing > 0.0:
+            half = 0.5 * missing
             for i in range(3):
                 inc_theta[row, i] = dtheta[k, i] + half * (dtheta[k - 1, i] + dtheta[k, i])
                 inc_v[row, i] = dv[k, i] + half * (dv[k - 1, i] + dv[k, i])
@@ -214,7 +270,7 @@ def _from_increments(time, dtheta, dv, first, gap_s, dt1, dt2, inc_theta, inc_v)
             inc_v[row, i] = v[i]
         dt2 = dt1
         dt1 = dt
-    return dt1, dt2
+    return dt1, dt2, steps
 
 
 def _after(kept: Array, block: Array) -> Array:
@@ -239,8 +295,9 @@ class IncrementsBuilder:
     -----
     Where rows of an increment log are missing, the row behind the hole covers its last step only. That is seen from
     the velocity increment, whose size over time is about that of gravity, and the motion in the hole is then taken as
-    the mean of the rows around it. A row that does cover the whole of a longer interval is left as it is. Rates are
-    interpolated by the trapezoid either way.
+    the mean of the rows around it. A row that does cover the whole of a longer interval is left as it is, and so is one
+    behind a stamp that came early, alone or in a burst (:func:`steps_missing`). Rates are interpolated by the trapezoid
+    either way.
     """
 
     def __init__(self, kind: Literal["rates", "increments"], gap_s: float = np.inf) -> None:
@@ -249,7 +306,8 @@ class IncrementsBuilder:
         self._time = np.empty(0)
         self._gyro = np.empty((0, 3))
         self._accel = np.empty((0, 3))
-        self._dt = (0.0, 0.0)
+        self._dt = NO_INTERVAL
+        self._steps = NO_STEPS
         self._memory = 1 if kind == "rates" else 2
 
     def feed(self, log: ImuLog) -> ImuIncrements:
@@ -287,7 +345,8 @@ class IncrementsBuilder:
         if self.kind == "rates":
             _from_rates(time, gyro, accel, self.gap_s, inc_theta, inc_v)
         else:
-            self._dt = _from_increments(time, gyro, accel, first, self.gap_s, *self._dt, inc_theta, inc_v)
+            found = _from_increments(time, gyro, accel, first, self.gap_s, *self._dt, self._steps, inc_theta, inc_v)
+            self._dt, self._steps = found[:2], found[2]
         self._time, self._gyro, self._accel = (x[-self._memory :].copy() for x in (time, gyro, accel))
         return ImuIncrements(time[first - 1 :], inc_theta, inc_v)
 
@@ -296,13 +355,14 @@ class IncrementsBuilder:
 
         Returns
         -------
-        (0,), (9,) or (16,) array
-            Empty before the first row; then the lengths of the last interval and the one before [s] (0: none), and the
-            last row or, of increments, the last two rows (time, gyro, accel).
+        (0,), (14,) or (21,) array
+            Empty before the first row; then the lengths of the last interval and the one before [s] (0: none), the
+            usual step and what belongs to it (:func:`next_steps`), and the last row or, of increments, the last two
+            rows (time, gyro, accel).
         """
         if not self._time.size:
             return np.empty(0)
-        return np.concatenate((self._dt, np.column_stack((self._time, self._gyro, self._accel)).ravel()))
+        return np.concatenate((self._dt, self._steps, np.column_stack((self._time, self._gyro, self._accel)).ravel()))
 
     def restore(self, state: Array) -> None:
         """Go on from the :meth:`state` of a builder of the same kind and `gap_s`.
@@ -313,15 +373,16 @@ class IncrementsBuilder:
             If `state` is not one.
         """
         state = np.array(state, dtype=np.float64)
-        sizes = [0, *(2 + _ROW * rows for rows in range(1, self._memory + 1))]
+        sizes = [0, *(_HEAD + _ROW * rows for rows in range(1, self._memory + 1))]
         if state.ndim != 1 or state.size not in sizes:
             raise InputError(
                 f"a builder of increments from {self.kind} is restored from {' or '.join(map(str, sizes))} numbers, "
                 f"not {state.shape}"
             )
-        rows = state[2:].reshape(-1, _ROW)
+        rows = state[_HEAD:].reshape(-1, _ROW)
         self._time, self._gyro, self._accel = rows[:, 0].copy(), rows[:, 1:4].copy(), rows[:, 4:].copy()
-        self._dt = (float(state[0]), float(state[1])) if state.size else (0.0, 0.0)
+        head = tuple(state[:_HEAD].tolist()) if state.size else (*NO_INTERVAL, *NO_STEPS)
+        self._dt, self._steps = head[:2], head[2:]
 
 
 def to_increments(log: ImuLog, gap_s: float = np.inf) -> ImuIncrements:

@@ -196,8 +196,8 @@ def describe(campaign: Campaign, assessments: dict[str, Assessment]) -> list[str
                 lines.append(f"{kind} {name:19}{np.mean(after.mean):8.3f}{100.0 * after.share_inside:11.1f} %{ratio}")
     lines += [
         "",
-        f"expected of a consistent filter: inside for about {100.0 * SHARE_INSIDE:.0f} % of the time or more. An error that",
-        "lasts, such as a bias, has one chance in a run, so that a group may stray; the verdict allows for that.",
+        f"expected of a consistent filter: inside for about {100.0 * SHARE_INSIDE:.0f} % of the time or more. An error",
+        "that lasts, such as a bias, has one chance in a run, so that a group may stray; the verdict allows for that.",
     ]
     if campaign.failed:
         seed, reason = min(campaign.failed.items())

@@ -15,6 +15,8 @@ The step is then taken with the increments found, so that what rounding leaves i
 
 from __future__ import annotations
 
+from math import sqrt
+
 import numpy as np
 from numba import njit
 
@@ -28,7 +30,7 @@ from navfuse.core.rotation import (
     quat_multiply,
     rotvec_from_quat,
 )
-from navfuse.imu.increments import corrected, correction_factors, steps_missing
+from navfuse.imu.increments import NO_STEPS, corrected, correction_factors, next_steps, steps_missing
 from navfuse.mechanization.ecef import step_ecef
 from navfuse.simulation.motion_kernels import motion_at
 
@@ -59,6 +61,7 @@ def invert_mechanization(knots, c, origin, time, inc_theta_b, inc_v_b):
     nav = np.empty(10)
     i, last = 0, knots.size - 2
     dt1 = dt2 = 0.0
+    steps = NO_STEPS
     a1 = u1 = a2 = u2 = (0.0, 0.0, 0.0)
     for k in range(time.size):
         while i < last and time[k] >= knots[i + 1]:
@@ -75,8 +78,10 @@ def invert_mechanization(knots, c, origin, time, inc_theta_b, inc_v_b):
         a0, u0 = _undo_corrections(k1, k2, k3, theta, u, a1, u1, a2, u2)
         for j in range(3):
             inc_theta_b[k, j], inc_v_b[k, j] = a0[j], u0[j]
-        if steps_missing(inc_v_b, k, dt, dt1) > 0.0:
+        size = sqrt(u0[0] ** 2 + u0[1] ** 2 + u0[2] ** 2)
+        if steps_missing(size, dt, steps) > 0.0:
             return k
+        steps = next_steps(size, dt, steps, 0.0)
         theta, u = corrected(k1, k2, k3, a0, u0, a1, u1, a2, u2)
         step_ecef(nav, dt, theta[0], theta[1], theta[2], u[0], u[1], u[2])
         a1, u1, a2, u2 = a0, u0, a1, u1
