@@ -28,10 +28,10 @@ from navfuse.simulation.sampled_sensor import (
     need_tau,
     point_velocity_b,
     rounded,
-    streams,
     wander,
 )
 from navfuse.simulation.sensors import antenna_state
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -205,7 +205,7 @@ def measure_barometer(
         When the motion ends before the first sample or leaves -5 to 20 km above sea level, or a pressure is not
         positive.
     """
-    draws = streams(rng, ("weather", "walk", "bias", "noise"))
+    draws = Streams(rng, ("weather", "walk", "bias", "noise"))
     time = model.sample_times(motion)
     height = ecef_to_geodetic_batch(antenna_state(motion, time, model.lever_arm)[0])[2] - model.undulation
     geopotential = geopotential_height(height)

@@ -27,8 +27,8 @@ from navfuse.simulation.sampled_sensor import (
     level_to_body,
     point_velocity_b,
     rounded,
-    streams,
 )
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -215,7 +215,7 @@ def measure_body_velocity(
     InputError
         When the motion ends before the first sample, or no row survives.
     """
-    draws = streams(rng, ("scale", "misalignment", "noise", "beam_noise", "beam_dropped", "dropped"))
+    draws = Streams(rng, ("scale", "misalignment", "noise", "beam_noise", "beam_dropped", "dropped"))
     time = model.sample_times(motion)
     scale = model.values("scale") + model.values("scale_sd") * draws["scale"].standard_normal(3)
     rotation = model.values("misalignment") + model.values("misalignment_sd") * draws["misalignment"].standard_normal(3)

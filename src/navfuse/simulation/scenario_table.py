@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from navfuse.core.printed_keys import LARGEST, shown
 from navfuse.errors import ConfigError
 
 
@@ -52,8 +53,8 @@ class ScenarioTable:
     def number(self, key: str, default: float | None = None, factor: float = 1.0, *, above: float = -math.inf) -> float:
         """A finite number above a bound, times a factor; without a default it has to be there."""
         value = self.need(key) if default is None else self.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ConfigError(f"{self.where}: {key} must be a finite number, not {value!r}")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
+            raise ConfigError(f"{self.where}: {key} must be a finite number{_bound(value)}, not {shown(value)}")
         if not value > above:
             raise ConfigError(f"{self.where}: {key} must be more than {above:g}, not {value!r}")
         return float(value) * factor
@@ -87,10 +88,13 @@ class ScenarioTable:
         """Three finite numbers."""
         value = self.need(key) if default is None else self.get(key, default)
         numbers = value if isinstance(value, list | tuple) else ()
-        good = [isinstance(x, int | float) and not isinstance(x, bool) and least <= x < math.inf for x in numbers]
+        good = [
+            isinstance(x, int | float) and not isinstance(x, bool) and least <= x and abs(x) <= LARGEST for x in numbers
+        ]
         if len(good) != 3 or not all(good):
             bound = f" of at least {least:g}" if least > -math.inf else ""
-            raise ConfigError(f"{self.where}: {key} must be three finite numbers{bound}, not {value!r}")
+            large = next(filter(None, map(_bound, numbers)), "")
+            raise ConfigError(f"{self.where}: {key} must be three finite numbers{bound}{large}, not {shown(value)}")
         x, y, z = map(float, numbers)
         return x, y, z
 
@@ -119,3 +123,9 @@ def nearest(word: object, known: Iterable[str]) -> str:
     """The known word most like another, as the end of a sentence; nothing if there is none."""
     close = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.5)
     return f"; did you mean {close[0]}?" if close else ""
+
+
+def _bound(value: object) -> str:
+    """What is asked of a number that is finite and too large; nothing of anything else."""
+    large = isinstance(value, int | float) and LARGEST < abs(value) < math.inf
+    return f" of at most {LARGEST:g} in size" if large else ""

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfuse.core.constants import TWO_PI
+from navfuse.core.printed_keys import naming_keys
 from navfuse.errors import ConfigError
-from navfuse.simulation.datasheet import frozen, numbers, one_number, to_fields, unknown_key
+from navfuse.simulation.datasheet import one_number, to_fields, unknown_key, windows
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -83,7 +84,7 @@ class SkySector:
         object.__setattr__(self, "windows", windows("windows of a sky sector", self.windows))
 
     @classmethod
-    def from_datasheet(cls, relative_to: str = "north", **printed: Any) -> SkySector:
+    def from_datasheet(cls, /, relative_to: str = "north", **printed: Any) -> SkySector:
         """A sector from keys that end in their unit, :data:`SECTOR_UNITS`.
 
         Raises
@@ -95,7 +96,8 @@ class SkySector:
         for key, (name, _) in SECTOR_UNITS.items():
             if name not in given and name != "windows":
                 raise ConfigError(f"a sky sector needs {key!r}")
-        return cls(relative_to=relative_to, **given)  # pyright: ignore[reportArgumentType]
+        with naming_keys(printed, SECTOR_UNITS):
+            return cls(relative_to=relative_to, **given)  # pyright: ignore[reportArgumentType]
 
     @property
     def width(self) -> float:
@@ -177,20 +179,6 @@ def _mapping(name: str, given: Any) -> Mapping[str, Any]:
     if not isinstance(given, Mapping):
         raise ConfigError(f"{name} must hold tables of keys and values, not {given!r}")
     return given
-
-
-def windows(name: str, value: ArrayLike) -> Array:
-    """Windows [from, to) as read-only (m, 2) array.
-
-    Raises
-    ------
-    ConfigError
-    """
-    spans = numbers(name, value)
-    spans = spans.reshape(0, 2) if spans.size == 0 else spans
-    if spans.ndim != 2 or spans.shape[1] != 2 or not np.all(spans[:, 0] < spans[:, 1]):
-        raise ConfigError(f"{name} must be windows [from, to] with from < to, not {value!r}")
-    return frozen(spans)
 
 
 def within(time: Array, spans: Array) -> Array:

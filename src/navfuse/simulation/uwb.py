@@ -21,9 +21,9 @@ from navfuse.simulation.sampled_sensor import (
     need_each_other,
     rounded,
     stated_sd,
-    streams,
 )
 from navfuse.simulation.sensors import antenna_state
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -197,7 +197,7 @@ def measure_uwb(motion: Motion, model: UwbModel, rng: np.random.Generator) -> tu
     InputError
         When the motion ends before the first poll, or all anchors are out of reach all the time.
     """
-    draws = streams(rng, ("bias", "noise", "nlos_times", "nlos"))
+    draws = Streams(rng, ("bias", "noise", "nlos_times", "nlos"))
     time = model.sample_times(motion)
     table = model.anchor_table()
     anchor = np.arange(time.size) % table.name.size
