@@ -7,15 +7,16 @@ import re
 import numpy as np
 import pytest
 
-from navfuse.errors import ConfigError
+from navfuse.errors import ConfigError, InputError
+from navfuse.imu.error_model import DATASHEET_UNITS
 from navfuse.simulation.bounds import FASTEST_HZ, MOST_ROWS, require_rows, sampling_rate
-from navfuse.simulation.gnss_errors import FixType, GnssReceiverModel
+from navfuse.simulation.gnss_errors import RECEIVER_UNITS, FixType, GnssReceiverModel
 from navfuse.simulation.heading_sensor import HeadingModel, measure_heading
-from navfuse.simulation.imu_errors import ImuSensorModel
+from navfuse.simulation.imu_errors import SENSOR_UNITS, ImuSensorModel
 from navfuse.simulation.measured_imu import measure_imu
 from navfuse.simulation.odometer import OdometerModel, measure_odometer
 from navfuse.simulation.perfect_imu import perfect_imu, sample_times
-from navfuse.simulation.raw_gnss_errors import RawGnssModel
+from navfuse.simulation.raw_gnss_errors import RAW_GNSS_UNITS, RawGnssModel
 from navfuse.simulation.scenario import SENSORS, read_scenario
 from navfuse.simulation.scenario_run import run_scenario
 from navfuse.simulation.segments import segments_from_tables
@@ -128,6 +129,12 @@ def test_a_motion_without_end_is_refused_before_it_fills_the_memory(motion):
 def test_a_drive_or_a_flight_without_end_is_refused(flight):
     with pytest.raises(ConfigError, match=r"a motion of 1e\+12 s with a knot every 0.1 s would make 1e\+13 rows"):
         flight(1e12)
+
+
+@pytest.mark.parametrize("hills", [-0.01, 1.01, 1e99, float("nan")])
+def test_a_drive_over_walls_is_refused(hills):
+    with pytest.raises(ConfigError, match="hills must be a slope in 0 .. 1, not 1.0 and"):
+        car_drive(10.0, standing=1.0, hills=hills)
 
 
 def test_a_day_at_1_khz_is_no_more_than_is_made():
@@ -263,6 +270,37 @@ def test_headings_on_the_turn_from_360_to_0_are_never_360(lsb):
         assert np.all((heading >= 0.0) & (heading < turn))
     true = static(20.0, heading=-1e-17).trajectory(np.linspace(0.0, 20.0, 50)).to_columns()["heading_deg"]
     assert np.all((true >= 0.0) & (true < 360.0))
+
+
+KEYS = {
+    "imu": [*SENSOR_UNITS, *DATASHEET_UNITS, "kind", "grade", "rate_hz"],
+    "gnss": [*RECEIVER_UNITS, "fix_types", "lever_arm_m"],
+    "pseudoranges": [*RAW_GNSS_UNITS, "constellation", "n_satellites", "corrected", "sectors", "satellite_outages"],
+} | {
+    name: [*kind.make.__self__.UNITS, *kind.make.__self__.WORDS]
+    for name, kind in SENSORS.items()
+    if not kind.at_antenna
+}
+HOSTILE = (
+    -1, 1e99, 1e300, HUGE, float("nan"), float("-inf"), "1", True, None, {}, [], [[1, 2], [3]], [True, 1, 2], [{}],
+    [1e99] * 3, [[float("nan"), 1.0]],
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("section", sorted(BARE))
+def test_every_value_of_every_key_is_taken_or_refused_by_one_message(section):
+    messages = []
+    for key in KEYS[section]:
+        for value in HOSTILE:
+            try:
+                run_scenario(read_scenario(scenario(section, **{key: value}), "x"))
+            except (ConfigError, InputError) as error:
+                messages.append(str(error))
+    assert 0.5 < len(messages) / (len(KEYS[section]) * len(HOSTILE)) < 1.0
+    for message in messages:
+        assert message.startswith("x: ")
+        assert len(message) < 400
+        assert not re.search(r"float64|array\(", message)
 
 
 def test_the_usual_is_still_measured():

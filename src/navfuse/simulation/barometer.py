@@ -18,6 +18,7 @@ from navfuse.core.atmosphere import (
     pressure_height,
 )
 from navfuse.core.earth import ecef_to_geodetic_batch
+from navfuse.core.printed_keys import shown
 from navfuse.data.aiding_logs import BarometerLog
 from navfuse.errors import ConfigError, InputError
 from navfuse.simulation.datasheet import any_number, one_number, tau, three_numbers
@@ -140,7 +141,7 @@ class BarometerModel(SampledSensor):
         self._settle(**dict.fromkeys(sizes, one_number), weather_tau=tau, lever_arm=three_numbers, wind=three_numbers)
         self._settle(undulation=any_number, bias=any_number, dynamic_pressure_factor=any_number)
         if self.output not in _OUTPUTS:
-            raise ConfigError(f"output must be one of {', '.join(_OUTPUTS)}, not {self.output!r}")
+            raise ConfigError(f"output must be one of {', '.join(_OUTPUTS)}, not {shown(self.output)}")
         for name, low, high, unit in (
             ("sea_level_pressure", 85000.0, 110000.0, "Pa"),
             ("altimeter_setting", 85000.0, 110000.0, "Pa"),

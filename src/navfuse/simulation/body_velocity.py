@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from navfuse.core.printed_keys import shown
 from navfuse.core.rotation import dcm_from_rotvec
 from navfuse.data.aiding_logs import BodyVelocityLog
 from navfuse.errors import ConfigError, InputError
@@ -141,7 +142,7 @@ class BodyVelocityModel(SampledSensor):
             beam_azimuth=any_number,
         )
         if self.axes not in _AXES:
-            raise ConfigError(f"axes must be one of {', '.join(_AXES)}, not {self.axes!r}")
+            raise ConfigError(f"axes must be one of {', '.join(_AXES)}, not {shown(self.axes)}")
         for name in ("beam_dropped", "dropped"):
             if getattr(self, name) >= 1.0:
                 raise ConfigError(f"{name} must be a chance below 1 (100 %), not {getattr(self, name):g}")

@@ -150,7 +150,7 @@ class MagnetometerModel(SampledSensor):
             )
         object.__setattr__(self, "disturbance", frozen(offsets))
         if self.disturbance_frame not in ("body", "level"):
-            raise ConfigError(f"disturbance_frame must be 'body' or 'level', not {self.disturbance_frame!r}")
+            raise ConfigError(f"disturbance_frame must be 'body' or 'level', not {shown(self.disturbance_frame)}")
         need_each_other(
             "random disturbances",
             disturbance_frequency=self.disturbance_frequency,

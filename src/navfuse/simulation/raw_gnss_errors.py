@@ -204,7 +204,7 @@ class RawGnssModel:
         if checked["outlier_share"] > 0.0 and checked["outlier_from"] == checked["outlier_to"] == 0.0:
             raise ConfigError("outliers need a size: give outlier_from and outlier_to")
         if not isinstance(self.corrected, bool):
-            raise ConfigError(f"corrected must be true or false, not {self.corrected!r}")
+            raise ConfigError(f"corrected must be true or false, not {shown(self.corrected)}")
         if self.corrected and checked["ionosphere_zenith"] > 0.0:
             raise ConfigError("ionosphere_zenith needs corrected = false: corrected pseudo-ranges do not contain it")
         if not isinstance(self.constellation, Constellation):
@@ -290,5 +290,5 @@ def _constellation(given: str | Constellation, n_satellites: int | None) -> Cons
     if given == "workshop":
         return workshop_constellation()
     if not isinstance(given, str) or not Path(given).suffix:
-        raise ConfigError(f"constellation must be 'gps', 'workshop' or the name of an almanac file, not {given!r}")
+        raise ConfigError(f"constellation must be 'gps', 'workshop' or the name of an almanac file, not {shown(given)}")
     return read_almanac(given)

@@ -28,7 +28,7 @@ class ScenarioTable:
 
     def __init__(self, where: str, table: Any) -> None:
         if not isinstance(table, Mapping):
-            raise ConfigError(f"{where}: must be a table of keys, not {table!r}")
+            raise ConfigError(f"{where}: must be a table of keys, not {shown(table)}")
         self.where = where
         self._table = dict(table)
         self._known: list[str] = []
@@ -56,28 +56,28 @@ class ScenarioTable:
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
             raise ConfigError(f"{self.where}: {key} must be a finite number{_bound(value)}, not {shown(value)}")
         if not value > above:
-            raise ConfigError(f"{self.where}: {key} must be more than {above:g}, not {value!r}")
+            raise ConfigError(f"{self.where}: {key} must be more than {above:g}, not {shown(value)}")
         return float(value) * factor
 
     def whole(self, key: str, default: int) -> int:
         """A whole number of at least 0."""
         value = self.get(key, default)
         if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-            raise ConfigError(f"{self.where}: {key} must be a whole number of at least 0, not {value!r}")
+            raise ConfigError(f"{self.where}: {key} must be a whole number of at least 0, not {shown(value)}")
         return value
 
     def yes(self, key: str) -> bool:
         """Whether a key that is there is true."""
         value = self.need(key)
         if not isinstance(value, bool):
-            raise ConfigError(f"{self.where}: {key} must be true or false, not {value!r}")
+            raise ConfigError(f"{self.where}: {key} must be true or false, not {shown(value)}")
         return value
 
     def text(self, key: str, default: str | None = None, known: Iterable[str] | None = None) -> str:
         """A text, one of those known if any are given."""
         value = self.need(key) if default is None else self.get(key, default)
         if not isinstance(value, str):
-            raise ConfigError(f"{self.where}: {key} must be a text, not {value!r}")
+            raise ConfigError(f"{self.where}: {key} must be a text, not {shown(value)}")
         if known is not None and value not in (known := list(known)):
             raise ConfigError(f"{self.where}: {key} = {value!r} is none of {', '.join(known)}{nearest(value, known)}")
         return value
@@ -102,7 +102,7 @@ class ScenarioTable:
         """A list of tables."""
         value = self.need(key)
         if not isinstance(value, list) or not value or not all(isinstance(entry, Mapping) for entry in value):
-            raise ConfigError(f"{self.where}: {key} must be a list of tables, not {value!r}")
+            raise ConfigError(f"{self.where}: {key} must be a list of tables, not {shown(value)}")
         return value
 
     def rest(self) -> dict[str, Any]:

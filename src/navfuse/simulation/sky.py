@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfuse.core.constants import TWO_PI
-from navfuse.core.printed_keys import naming_keys
+from navfuse.core.printed_keys import naming_keys, shown
 from navfuse.errors import ConfigError
 from navfuse.simulation.datasheet import one_number, to_fields, unknown_key, windows
 
@@ -80,7 +80,9 @@ class SkySector:
                 f"{'empty' if turn == 0.0 else 'wider than all round'}; all round is 0 to 360"
             )
         if self.relative_to not in ("north", "vehicle"):
-            raise ConfigError(f"relative_to of a sky sector must be 'north' or 'vehicle', not {self.relative_to!r}")
+            raise ConfigError(
+                f"relative_to of a sky sector must be 'north' or 'vehicle', not {shown(self.relative_to)}"
+            )
         object.__setattr__(self, "windows", windows("windows of a sky sector", self.windows))
 
     @classmethod
@@ -177,7 +179,7 @@ def outage_of(given: SatelliteOutage | Mapping[str, Any]) -> SatelliteOutage:
 
 def _mapping(name: str, given: Any) -> Mapping[str, Any]:
     if not isinstance(given, Mapping):
-        raise ConfigError(f"{name} must hold tables of keys and values, not {given!r}")
+        raise ConfigError(f"{name} must hold tables of keys and values, not {shown(given)}")
     return given
 
 

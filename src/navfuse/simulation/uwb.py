@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from navfuse.core.earth import geodetic_to_ecef_batch
+from navfuse.core.printed_keys import shown
 from navfuse.data.aiding_logs import UwbAnchors, UwbLog
 from navfuse.errors import ConfigError, InputError
 from navfuse.simulation.datasheet import any_number, one_number, one_or_several, three_numbers, unknown_key
@@ -226,7 +227,7 @@ def _anchors(name: str, value: Any) -> tuple[UwbAnchor, ...]:
     known = [field.name for field in dataclasses.fields(UwbAnchor)]
     anchors = []
     if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable):
-        raise ConfigError(f"{name} must be a list, not {value!r}")
+        raise ConfigError(f"{name} must be a list, not {shown(value)}")
     for given in value:
         if isinstance(given, Mapping):
             for key in given:

@@ -89,11 +89,13 @@ def car_drive(
     Raises
     ------
     ConfigError
-        For a duration that is not positive or too long, a negative standing time or slope.
+        For a duration that is not positive or too long, a negative standing time, a slope outside 0 .. 1.
     """
     _require_duration(duration)
-    if not standing >= 0.0 or not hills >= 0.0:
-        raise ConfigError(f"standing and hills must not be negative, not {standing!r} and {hills!r}")
+    if not standing >= 0.0 or not 0.0 <= hills <= 1.0:
+        raise ConfigError(
+            f"standing must not be negative, and hills must be a slope in 0 .. 1, not {standing!r} and {hills!r}"
+        )
     plan, ground = np.random.default_rng(seed).spawn(2)
     speed, course = _city_plan(plan, duration, heading, standing)
     terrain = Terrain.random(ground, hills)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from navfuse.core.printed_keys import shown
 from navfuse.data.aiding_logs import WheelSpeedLog
 from navfuse.errors import ConfigError
 from navfuse.simulation.datasheet import any_number, one_number, one_or_several, unknown_key, yes_or_no
@@ -197,7 +198,7 @@ def _wheels(name: str, value: Any) -> tuple[Wheel, ...]:
     known = [field.name for field in dataclasses.fields(Wheel)]
     wheels = []
     if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable):
-        raise ConfigError(f"{name} must be a list, not {value!r}")
+        raise ConfigError(f"{name} must be a list, not {shown(value)}")
     for given in value:
         if isinstance(given, Mapping):
             for key in given:
