@@ -133,12 +133,16 @@ def test_the_arrays_of_a_model_cannot_be_changed():
         ({"accel_vibration_mg": 5.0}, "for each of the 0 values of vibration_frequency"),
         ({"vibration_hz": 25.0, "gyro_vibration_degps": -1.0}, "gyro_vibration must be finite and not negative"),
         ({"gyro_vibration_noise_degps": 1.0}, "vibration noise needs vibration_noise_width > 0"),
-        ({"base": "tactikal"}, "unknown IMU grade 'tactikal': did you mean 'tactical'"),
     ],
 )
 def test_impossible_models_are_refused(keys, message):
     with pytest.raises(ConfigError, match=message):
         ImuSensorModel.from_datasheet(**keys)
+
+
+def test_an_unknown_grade_is_refused_with_the_nearest():
+    with pytest.raises(ConfigError, match="unknown IMU grade 'tactikal': did you mean 'tactical'"):
+        ImuSensorModel.from_datasheet("tactikal")
 
 
 def test_a_base_that_is_no_model_is_refused():

@@ -135,7 +135,7 @@ def test_wrong_tables_are_refused(table, message):
         (car, [Turn(1.0)], r"segment 1 \(turn\): a car cannot turn on the spot"),
         (car, [Accelerate(10.0), Turn(math.nan)], "angle of a turn must be finite, not nan"),
         (car, [Accelerate(10.0), Turn(1.0, 2.0, 50.0)], "lateral acceleration or the radius of a turn, not both"),
-        (car, [Accelerate(10.0), STurns(1.0, 0)], "count of turns must be at least 1, not 0"),
+        (car, [Accelerate(10.0), STurns(1.0, 0)], "count of turns must be in 1 .. 10000, not 0"),
         (car, [Accelerate(10.0), Climb(50.0, 4.0)], "the slope is 40 %, a car goes on at most 30 %"),
         (aircraft, [Climb(100.0, 25.0)], "the climb takes 25 m/s, an aircraft climbs at most at 20 m/s"),
         (aircraft, [Climb(100.0, -1.0)], "a climb needs a finite height and a rate > 0, not 100.0 m at -1.0"),

@@ -37,11 +37,6 @@ def geopotential_height(height):
     return _EARTH_RADIUS * height / (_EARTH_RADIUS + height)
 
 
-def height_of_geopotential(geopotential):
-    """Height above sea level [m] of a geopotential height [m]; inverse of :func:`geopotential_height`."""
-    return _EARTH_RADIUS * geopotential / (_EARTH_RADIUS - geopotential)
-
-
 def air_temperature(geopotential, sea_level_temperature=SEA_LEVEL_TEMPERATURE):
     """Temperature [K] at a geopotential height [m]."""
     return sea_level_temperature - LAPSE_RATE * np.minimum(geopotential, TROPOPAUSE)

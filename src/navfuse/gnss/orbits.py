@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from navfuse.core.constants import EARTH_GM, EARTH_RATE, TWO_PI, WGS84_A
+from navfuse.core.printed_keys import shown
 from navfuse.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -315,7 +316,7 @@ def gps_constellation(count: int = _GPS_FEWEST) -> Constellation:
     Source: SPS Performance Standard (2001), tables 3-1 and A-2-1: circular, 55 deg, 26 559.7 km, -4.4874e-7 deg/s.
     """
     if not (isinstance(count, (int, np.integer)) and _GPS_FEWEST <= count <= _GPS_MOST):
-        raise ConfigError(f"the GPS constellation can have {_GPS_FEWEST} to {_GPS_MOST} satellites, not {count!r}")
+        raise ConfigError(f"the GPS constellation can have {_GPS_FEWEST} to {_GPS_MOST} satellites, not {shown(count)}")
     places = [(plane, slot) for plane, slots in _GPS_SLOTS_DEG.items() for slot in slots]
     planes = list(_GPS_SLOTS_DEG)
     for extra in range(count - _GPS_FEWEST):

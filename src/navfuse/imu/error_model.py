@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfuse.core.constants import STANDARD_GRAVITY
+from navfuse.core.printed_keys import naming_keys, numbers, shown
 from navfuse.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -145,7 +146,7 @@ class ImuErrorModel:
         """
         return np.broadcast_to(np.asarray(getattr(self, name), dtype=float), (3,)).copy()
 
-    def replace(self, **changes: Any) -> ImuErrorModel:
+    def replace(self, /, **changes: Any) -> ImuErrorModel:
         """A copy with some fields changed, in SI units.
 
         Raises
@@ -159,7 +160,7 @@ class ImuErrorModel:
                 raise ConfigError(f"unknown IMU error parameter {name!r}{_nearest(name, known)}")
         return dataclasses.replace(self, **changes)
 
-    def replace_datasheet(self, **printed: ArrayLike) -> ImuErrorModel:
+    def replace_datasheet(self, /, **printed: ArrayLike) -> ImuErrorModel:
         """A copy with some fields changed, in printed units.
 
         Parameters
@@ -181,10 +182,11 @@ class ImuErrorModel:
             if name in changes:
                 raise ConfigError(f"{key!r} sets {name} a second time: give it in one unit only")
             changes[name] = _numbers(key, value) * factor
-        return self.replace(**changes)
+        with naming_keys(printed, DATASHEET_UNITS):
+            return self.replace(**changes)
 
     @classmethod
-    def from_datasheet(cls, source: str = "", **printed: ArrayLike) -> ImuErrorModel:
+    def from_datasheet(cls, /, source: str = "", **printed: ArrayLike) -> ImuErrorModel:
         """A model from the units that data sheets print.
 
         Parameters
@@ -219,16 +221,13 @@ class ImuErrorModel:
 
 
 def _numbers(name: str, value: ArrayLike) -> Array:
-    try:
-        return np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"{name} must be a number or three numbers, not {value!r}") from error
+    return numbers(name, value, "a number or three numbers")
 
 
 def _checked_tau(name: str, value: ArrayLike) -> float:
     tau = _numbers(name, value)
     if tau.ndim != 0 or not tau > 0.0:
-        raise ConfigError(f"{name} must be one number > 0 (inf for a constant), not {value!r}")
+        raise ConfigError(f"{name} must be one number > 0 (inf for a constant), not {shown(value)}")
     return float(tau)
 
 
@@ -238,7 +237,7 @@ def _checked_size(name: str, value: ArrayLike, axes: bool) -> float | Array:
         wanted = "one number or three" if axes else "one number"
         raise ConfigError(f"{name} must be {wanted}, not an array of shape {size.shape}")
     if not np.all(np.isfinite(size)) or np.any(size < 0.0):
-        raise ConfigError(f"{name} must be finite and not negative, not {value!r}")
+        raise ConfigError(f"{name} must be finite and not negative, not {shown(value)}")
     if size.ndim == 0:
         return float(size)
     size = size.copy()

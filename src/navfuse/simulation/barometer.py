@@ -18,6 +18,7 @@ from navfuse.core.atmosphere import (
     pressure_height,
 )
 from navfuse.core.earth import ecef_to_geodetic_batch
+from navfuse.core.printed_keys import shown
 from navfuse.data.aiding_logs import BarometerLog
 from navfuse.errors import ConfigError, InputError
 from navfuse.simulation.datasheet import any_number, one_number, tau, three_numbers
@@ -28,10 +29,10 @@ from navfuse.simulation.sampled_sensor import (
     need_tau,
     point_velocity_b,
     rounded,
-    streams,
     wander,
 )
 from navfuse.simulation.sensors import antenna_state
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -140,7 +141,7 @@ class BarometerModel(SampledSensor):
         self._settle(**dict.fromkeys(sizes, one_number), weather_tau=tau, lever_arm=three_numbers, wind=three_numbers)
         self._settle(undulation=any_number, bias=any_number, dynamic_pressure_factor=any_number)
         if self.output not in _OUTPUTS:
-            raise ConfigError(f"output must be one of {', '.join(_OUTPUTS)}, not {self.output!r}")
+            raise ConfigError(f"output must be one of {', '.join(_OUTPUTS)}, not {shown(self.output)}")
         for name, low, high, unit in (
             ("sea_level_pressure", 85000.0, 110000.0, "Pa"),
             ("altimeter_setting", 85000.0, 110000.0, "Pa"),
@@ -205,7 +206,7 @@ def measure_barometer(
         When the motion ends before the first sample or leaves -5 to 20 km above sea level, or a pressure is not
         positive.
     """
-    draws = streams(rng, ("weather", "walk", "bias", "noise"))
+    draws = Streams(rng, ("weather", "walk", "bias", "noise"))
     time = model.sample_times(motion)
     height = ecef_to_geodetic_batch(antenna_state(motion, time, model.lever_arm)[0])[2] - model.undulation
     geopotential = geopotential_height(height)

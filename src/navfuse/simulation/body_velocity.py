@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from navfuse.core.printed_keys import shown
 from navfuse.core.rotation import dcm_from_rotvec
 from navfuse.data.aiding_logs import BodyVelocityLog
 from navfuse.errors import ConfigError, InputError
@@ -27,8 +28,8 @@ from navfuse.simulation.sampled_sensor import (
     level_to_body,
     point_velocity_b,
     rounded,
-    streams,
 )
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -141,7 +142,7 @@ class BodyVelocityModel(SampledSensor):
             beam_azimuth=any_number,
         )
         if self.axes not in _AXES:
-            raise ConfigError(f"axes must be one of {', '.join(_AXES)}, not {self.axes!r}")
+            raise ConfigError(f"axes must be one of {', '.join(_AXES)}, not {shown(self.axes)}")
         for name in ("beam_dropped", "dropped"):
             if getattr(self, name) >= 1.0:
                 raise ConfigError(f"{name} must be a chance below 1 (100 %), not {getattr(self, name):g}")
@@ -215,7 +216,7 @@ def measure_body_velocity(
     InputError
         When the motion ends before the first sample, or no row survives.
     """
-    draws = streams(rng, ("scale", "misalignment", "noise", "beam_noise", "beam_dropped", "dropped"))
+    draws = Streams(rng, ("scale", "misalignment", "noise", "beam_noise", "beam_dropped", "dropped"))
     time = model.sample_times(motion)
     scale = model.values("scale") + model.values("scale_sd") * draws["scale"].standard_normal(3)
     rotation = model.values("misalignment") + model.values("misalignment_sd") * draws["misalignment"].standard_normal(3)

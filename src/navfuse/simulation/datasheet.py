@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from navfuse.core.printed_keys import numbers, shown
 from navfuse.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
     from numpy.typing import ArrayLike
 
@@ -54,20 +56,6 @@ def unknown_key(what: str, key: str, known: Iterable[str]) -> ConfigError:
     return ConfigError(f"{what}: unknown key or unit {key!r}: {hint}")
 
 
-def numbers(name: str, value: ArrayLike) -> Array:
-    """A value as an array of floats.
-
-    Raises
-    ------
-    ConfigError
-        If it is not made of numbers.
-    """
-    try:
-        return np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"{name} must be a number or an array of numbers, not {value!r}") from error
-
-
 def one_number(
     name: str, value: ArrayLike, *, least: float = 0.0, infinite: bool = False, above: bool = False
 ) -> float:
@@ -83,7 +71,7 @@ def one_number(
     wanted = f"{'more than' if above else 'at least'} {least:g}" if least > -np.inf else "a number"
     inside = number > least if above else number >= least
     if not inside or not (infinite or np.isfinite(number)):
-        raise ConfigError(f"{name} must be {wanted}{'' if infinite else ' and finite'}, not {value!r}")
+        raise ConfigError(f"{name} must be {wanted}{'' if infinite else ' and finite'}, not {shown(value)}")
     return float(number)
 
 
@@ -98,7 +86,7 @@ def three_sizes(name: str, value: ArrayLike) -> Array:
     if sizes.shape not in ((), (3,)):
         raise ConfigError(f"{name} must be one number or three, not an array of shape {sizes.shape}")
     if not np.all(np.isfinite(sizes)) or np.any(sizes < 0.0):
-        raise ConfigError(f"{name} must be finite and not negative, not {value!r}")
+        raise ConfigError(f"{name} must be finite and not negative, not {shown(value)}")
     return frozen(np.broadcast_to(sizes, (3,)))
 
 
@@ -131,7 +119,7 @@ def three_numbers(name: str, value: ArrayLike) -> Array:
     """
     vector = numbers(name, value)
     if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise ConfigError(f"{name} must be three finite numbers, not {value!r}")
+        raise ConfigError(f"{name} must be three finite numbers, not {shown(value)}")
     return frozen(vector)
 
 
@@ -145,9 +133,9 @@ def one_or_several(name: str, value: ArrayLike, count: int, what: str, least: fl
     """
     values = numbers(name, value)
     if values.shape not in ((), (count,)):
-        raise ConfigError(f"{name} must be one number or one for each of the {count} {what}, not {value!r}")
+        raise ConfigError(f"{name} must be one number or one for each of the {count} {what}, not {shown(value)}")
     if not np.all(np.isfinite(values) & (values >= least)):
-        raise ConfigError(f"{name} must be finite{'' if least < 0.0 else ' and not negative'}, not {value!r}")
+        raise ConfigError(f"{name} must be finite{'' if least < 0.0 else ' and not negative'}, not {shown(value)}")
     return frozen(np.broadcast_to(values, (count,)))
 
 
@@ -161,8 +149,37 @@ def windows(name: str, value: ArrayLike) -> Array:
     pairs = numbers(name, value)
     pairs = pairs.reshape(0, 2) if pairs.size == 0 else pairs
     if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.all(pairs[:, 0] < pairs[:, 1]):
-        raise ConfigError(f"{name} must be windows [from, to] with from < to, not {value!r}")
+        raise ConfigError(f"{name} must be windows [from, to] with from < to, not {shown(value)}")
     return frozen(pairs)
+
+
+def tables(name: str, value: Any, kind: type) -> list[Any]:
+    """A list of tables, or of things of a kind that have been made of tables already.
+
+    Raises
+    ------
+    ConfigError
+    """
+    entries = list(things(name, value))
+    for entry in entries:
+        if not isinstance(entry, Mapping | kind):
+            raise ConfigError(f"{name} must be a list of tables, and one entry is {shown(entry)}")
+    return entries
+
+
+def things(name: str, value: Any, kind: type = object) -> tuple[Any, ...]:
+    """A list of things of one kind, as a tuple.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if not isinstance(value, list | tuple):
+        raise ConfigError(f"{name} must be a list of tables, not {shown(value)}")
+    for entry in value:
+        if not isinstance(entry, kind):
+            raise ConfigError(f"{name} must hold {kind.__name__}, not {type(entry).__name__}")
+    return tuple(value)
 
 
 def yes_or_no(name: str, value: Any) -> bool:
@@ -173,7 +190,7 @@ def yes_or_no(name: str, value: Any) -> bool:
     ConfigError
     """
     if not isinstance(value, bool):
-        raise ConfigError(f"{name} must be true or false, not {value!r}")
+        raise ConfigError(f"{name} must be true or false, not {shown(value)}")
     return value
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from navfuse.simulation.bounds import require_rows
 from navfuse.simulation.motion import Motion
 from navfuse.simulation.pinned import pinned
 from navfuse.simulation.route import Route
@@ -43,6 +44,7 @@ def foot_motion(route: Route, stride: float, side: float) -> Motion:
     pitches toes-down by up to 0.46 rad after heel-off, then toes-up by 0.14 rad before it lands; short steps in
     proportion, and none where the walker stands. A real foot rolls over heel and toe; this one lands and leaves flat.
     """
+    require_rows(route.duration / _SPACING, f"a walk of {route.duration:g} s with a knot every {_SPACING:g} s")
     time = _SPACING * np.arange(np.ceil(max(route.duration / _SPACING, 5.0) - 1e-9) + 1.0)
     prints = np.minimum(stride * np.arange(np.floor(route.duration / stride) + 2.0), route.duration)
     fine = np.union1d(np.minimum(np.arange(0.0, route.duration + 0.5, 0.5), route.duration), prints)

@@ -9,8 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from navfuse.core.printed_keys import naming_keys
 from navfuse.errors import ConfigError
-from navfuse.simulation.datasheet import one_number, three_numbers, three_sizes, to_fields, unknown_key, windows
+from navfuse.simulation.bounds import sampling_rate
+from navfuse.simulation.datasheet import (
+    one_number,
+    tables,
+    things,
+    three_numbers,
+    three_sizes,
+    to_fields,
+    unknown_key,
+    windows,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -153,7 +164,8 @@ class GnssReceiverModel:
     def __post_init__(self) -> None:
         checked: dict[str, Any] = {name: three_sizes(name, getattr(self, name)) for name in _AXES}
         checked |= {name: one_number(name, getattr(self, name)) for name in _SIZES}
-        checked |= {name: one_number(name, getattr(self, name), above=True) for name in ("rate", "stated_sigma_factor")}
+        checked["rate"] = sampling_rate("rate", self.rate)
+        checked["stated_sigma_factor"] = one_number("stated_sigma_factor", self.stated_sigma_factor, above=True)
         for name in ("position_correlated_tau", "velocity_correlated_tau"):
             checked[name] = one_number(name, getattr(self, name), infinite=True)
         for name in ("latency", "drift_from"):
@@ -163,7 +175,7 @@ class GnssReceiverModel:
             "drift_velocity": three_numbers("drift_velocity", self.drift_velocity),
             "outages": windows("outages", self.outages),
         }
-        checked["fix_types"] = tuple(self.fix_types)
+        checked["fix_types"] = things("fix_types", self.fix_types, FixType)
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         self._check_pairs()
@@ -171,8 +183,8 @@ class GnssReceiverModel:
     def _check_pairs(self) -> None:
         if np.any(self.total_sd("position") == 0.0):
             raise ConfigError(
-                "position_sd and position_correlated_sd are both zero on some axis: a fix needs an error to state its "
-                "sigma (simulation.gnss_fixes without rng makes fixes without errors)"
+                "position_sd and position_correlated_sd are both zero on some axis, and a fix needs an error to state "
+                "its sigma: give position_sd_m or position_correlated_sd_m with one number > 0, or three"
             )
         velocity = self.total_sd("velocity")
         if velocity.any() and not velocity.all():
@@ -188,9 +200,6 @@ class GnssReceiverModel:
         jumps = (self.multipath_frequency > 0.0, self.multipath_mean > 0.0, bool(self.axes("multipath_sd").any()))
         if any(jumps) and not all(jumps):
             raise ConfigError("multipath jumps need all of multipath_frequency, multipath_mean and multipath_sd > 0")
-        for kind in self.fix_types:
-            if not isinstance(kind, FixType):
-                raise ConfigError(f"fix_types must hold FixType, not {type(kind).__name__}")
 
     def axes(self, name: str) -> Array:
         """A field marked *axes* as (3,) array, in its own unit."""
@@ -201,7 +210,9 @@ class GnssReceiverModel:
         return np.hypot(self.axes(f"{kind}_sd"), self.axes(f"{kind}_correlated_sd"))
 
     @classmethod
-    def from_datasheet(cls, fix_types: Sequence[FixType | Mapping[str, Any]] = (), **printed: Any) -> GnssReceiverModel:
+    def from_datasheet(
+        cls, /, fix_types: Sequence[FixType | Mapping[str, Any]] = (), **printed: Any
+    ) -> GnssReceiverModel:
         """A model from keys that end in their unit.
 
         Parameters
@@ -221,10 +232,14 @@ class GnssReceiverModel:
         >>> float(model.position_sd[0])
         0.02
         """
-        kinds = tuple(kind if isinstance(kind, FixType) else _fix_type(kind) for kind in fix_types)
-        return cls(fix_types=kinds, **to_fields("GNSS errors", printed, RECEIVER_UNITS))  # pyright: ignore[reportArgumentType]
+        kinds = [
+            kind if isinstance(kind, FixType) else _fix_type(kind) for kind in tables("fix_types", fix_types, FixType)
+        ]
+        fields = to_fields("GNSS errors", printed, RECEIVER_UNITS)
+        with naming_keys(printed, RECEIVER_UNITS):
+            return cls(fix_types=tuple(kinds), **fields)  # pyright: ignore[reportArgumentType]
 
-    def replace_datasheet(self, **printed: Any) -> GnssReceiverModel:
+    def replace_datasheet(self, /, **printed: Any) -> GnssReceiverModel:
         """A copy with some fields changed, by keys of :data:`RECEIVER_UNITS`.
 
         Raises
@@ -232,7 +247,9 @@ class GnssReceiverModel:
         ConfigError
             As :meth:`from_datasheet`.
         """
-        return dataclasses.replace(self, **to_fields("GNSS errors", printed, RECEIVER_UNITS))
+        fields = to_fields("GNSS errors", printed, RECEIVER_UNITS)
+        with naming_keys(printed, RECEIVER_UNITS):
+            return dataclasses.replace(self, **fields)
 
 
 def _fix_type(given: Mapping[str, Any]) -> FixType:

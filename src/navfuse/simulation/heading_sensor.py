@@ -18,9 +18,9 @@ from navfuse.simulation.sampled_sensor import (
     need_tau,
     rounded,
     stated_sd,
-    streams,
     wander,
 )
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from navfuse.simulation.motion import Motion
@@ -134,7 +134,7 @@ def measure_heading(motion: Motion, model: HeadingModel, rng: np.random.Generato
     InputError
         When the motion ends before the first sample.
     """
-    draws = streams(rng, ("bias", "correlated", "noise"))
+    draws = Streams(rng, ("bias", "correlated", "noise"))
     time = model.sample_times(motion)
     forward_n = motion.C_nb(time)[:, :, 0]
     heading = wrapped(np.arctan2(forward_n[:, 1], forward_n[:, 0]), TWO_PI)

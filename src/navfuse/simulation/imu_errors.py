@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfuse.core.constants import STANDARD_GRAVITY
+from navfuse.core.printed_keys import naming_keys, shown
 from navfuse.errors import ConfigError
 from navfuse.imu.error_model import DATASHEET_UNITS, ImuErrorModel
 from navfuse.imu.grades import grade
@@ -200,7 +201,7 @@ class ImuSensorModel:
         checked["bias_instability_tau"] = _decades(self.bias_instability_tau)
         frequency = np.atleast_1d(numbers("vibration_frequency", self.vibration_frequency))
         if frequency.ndim != 1 or not np.all(np.isfinite(frequency)) or np.any(frequency <= 0.0):
-            raise ConfigError(f"vibration_frequency must be finite numbers > 0, not {self.vibration_frequency!r}")
+            raise ConfigError(f"vibration_frequency must be finite numbers > 0, not {shown(self.vibration_frequency)}")
         checked["vibration_frequency"] = frozen(frequency)
         for name in ("gyro_vibration", "accel_vibration"):
             checked[name] = _amplitudes(name, getattr(self, name), frequency.size)
@@ -215,7 +216,7 @@ class ImuSensorModel:
         if self.warm_up != 0.0 and not self.warm_up_tau > 0.0:
             raise ConfigError("warm_up needs warm_up_tau > 0")
         if not self.dropped_fraction < 1.0:
-            raise ConfigError(f"dropped_fraction must be less than 1, not {self.dropped_fraction!r}")
+            raise ConfigError(f"dropped_fraction must be less than 1, not {shown(self.dropped_fraction)}")
         if (self.dropout_frequency > 0.0) != (self.dropout_length > 0.0):
             raise ConfigError("dropout_frequency and dropout_length need each other: give both > 0")
 
@@ -224,7 +225,7 @@ class ImuSensorModel:
         return np.asarray(getattr(self, name))
 
     @classmethod
-    def from_datasheet(cls, base: str | ImuErrorModel = "", **printed: Any) -> ImuSensorModel:
+    def from_datasheet(cls, base: str | ImuErrorModel = "", /, **printed: Any) -> ImuSensorModel:
         """A model from the units that data sheets print.
 
         Parameters
@@ -250,7 +251,7 @@ class ImuSensorModel:
         start = base if isinstance(base, ImuErrorModel) else grade(base) if base else ImuErrorModel()
         return cls(start).replace_datasheet(**printed)
 
-    def replace_datasheet(self, **printed: Any) -> ImuSensorModel:
+    def replace_datasheet(self, /, **printed: Any) -> ImuSensorModel:
         """A copy with some fields changed, in printed units; see :meth:`from_datasheet`.
 
         Raises
@@ -263,7 +264,9 @@ class ImuSensorModel:
                 raise unknown_key("IMU errors", key, [*DATASHEET_UNITS, *SENSOR_UNITS])
         base = self.base.replace_datasheet(**{key: printed[key] for key in printed if key in DATASHEET_UNITS})
         own = {key: printed[key] for key in printed if key in SENSOR_UNITS}
-        return dataclasses.replace(self, base=base, **to_fields("IMU errors", own, SENSOR_UNITS))
+        fields = to_fields("IMU errors", own, SENSOR_UNITS)
+        with naming_keys(own, SENSOR_UNITS):
+            return dataclasses.replace(self, base=base, **fields)
 
 
 def _decades(value: ArrayLike) -> Array:
@@ -271,7 +274,7 @@ def _decades(value: ArrayLike) -> Array:
     if tau.shape != (2,) or not (0.0 < tau[0] and 10.0 * tau[0] <= tau[1] < np.inf):
         raise ConfigError(
             "bias_instability_tau must be the shortest and the longest correlation time, > 0 and a decade or more "
-            f"apart, not {value!r}"
+            f"apart, not {shown(value)}"
         )
     return frozen(tau)
 
@@ -285,5 +288,5 @@ def _amplitudes(name: str, value: ArrayLike, count: int) -> Array:
             f"not an array of shape {sizes.shape}"
         )
     if not np.all(np.isfinite(sizes)) or np.any(sizes < 0.0):
-        raise ConfigError(f"{name} must be finite and not negative, not {value!r}")
+        raise ConfigError(f"{name} must be finite and not negative, not {shown(value)}")
     return frozen(np.broadcast_to(sizes.reshape(count, -1), (count, 3)) if count else np.zeros((0, 3)))

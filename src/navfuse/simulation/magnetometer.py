@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from navfuse.core.printed_keys import shown
 from navfuse.core.rotation import dcm_from_quat_batch
 from navfuse.data.aiding_logs import MagnetometerLog
 from navfuse.errors import ConfigError
@@ -30,9 +31,9 @@ from navfuse.simulation.sampled_sensor import (
     need_tau,
     random_boxes,
     rounded,
-    streams,
 )
 from navfuse.simulation.sensors import gauss_markov
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -145,11 +146,11 @@ class MagnetometerModel(SampledSensor):
         if offsets.shape != (count, 3) or not np.all(np.isfinite(offsets)):
             raise ConfigError(
                 f"disturbance must give three finite numbers for each of the {count} windows of disturbances, not "
-                f"{self.disturbance!r}"
+                f"{shown(self.disturbance)}"
             )
         object.__setattr__(self, "disturbance", frozen(offsets))
         if self.disturbance_frame not in ("body", "level"):
-            raise ConfigError(f"disturbance_frame must be 'body' or 'level', not {self.disturbance_frame!r}")
+            raise ConfigError(f"disturbance_frame must be 'body' or 'level', not {shown(self.disturbance_frame)}")
         need_each_other(
             "random disturbances",
             disturbance_frequency=self.disturbance_frequency,
@@ -218,7 +219,7 @@ def measure_magnetometer(
     names = (
         "hard_iron", "soft_iron", "scale", "misalignment", "noise", "correlated", "disturbance_times", "disturbance",
     )  # fmt: skip
-    draws = streams(rng, names)
+    draws = Streams(rng, names)
     time = model.sample_times(motion)
     field_b, field_n = _earth_field(motion, time, model)
     offsets = boxes(time, model.values("disturbances"), model.values("disturbance"))
@@ -259,7 +260,7 @@ def _field(name: str, value: Any) -> Array | None:
 def _matrix(name: str, value: Any) -> Array:
     matrix = numbers(name, value)
     if matrix.shape != (3, 3) or not np.all(np.isfinite(matrix)):
-        raise ConfigError(f"{name} must be a 3 x 3 matrix of finite numbers, not {value!r}")
+        raise ConfigError(f"{name} must be a 3 x 3 matrix of finite numbers, not {shown(value)}")
     if not np.linalg.det(matrix) > 0.0:
         raise ConfigError(f"{name} must have a positive determinant, or the field could not be told from it")
     return frozen(matrix)

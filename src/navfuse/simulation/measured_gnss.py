@@ -10,6 +10,7 @@ import numpy as np
 from navfuse.core.earth import ecef_to_geodetic_batch
 from navfuse.data.logs import GnssLog
 from navfuse.errors import InputError
+from navfuse.simulation.bounds import require_rows
 from navfuse.simulation.perfect_imu import sample_times
 from navfuse.simulation.sampled_sensor import random_boxes
 from navfuse.simulation.sensors import _from_local, _local_axes, antenna_state, gauss_markov
@@ -170,6 +171,7 @@ def _fix_types(time: Array, model: GnssReceiverModel, stream: np.random.Generato
 
 
 def _outside_outages(time: Array, model: GnssReceiverModel, stream: np.random.Generator) -> Array:
+    require_rows(model.outage_frequency * (time[-1] - time[0]), f"{3600.0 * model.outage_frequency:g} outages per hour")
     count = stream.poisson(model.outage_frequency * (time[-1] - time[0])) if model.outage_frequency else 0
     begin = stream.uniform(time[0], time[-1], count)
     windows = np.vstack([model.axes("outages"), np.column_stack([begin, begin + model.outage_length])])

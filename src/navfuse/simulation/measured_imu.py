@@ -16,6 +16,7 @@ import numpy as np
 
 from navfuse.data.logs import ImuLog
 from navfuse.errors import ConfigError, InputError
+from navfuse.simulation.bounds import require_rows
 from navfuse.simulation.imu_error_kernels import (
     add_band_noise,
     add_gauss_markov,
@@ -268,6 +269,7 @@ def _survivors(log: ImuLog, model: ImuSensorModel, streams: Streams) -> Array:
         kept &= streams["losses"].uniform(size=kept.size) >= model.dropped_fraction
     if model.dropout_frequency > 0.0:
         span = log.time[-1] - log.time[0]
+        require_rows(model.dropout_frequency * span, f"{3600.0 * model.dropout_frequency:g} dropouts per hour")
         count = streams["dropouts"].poisson(model.dropout_frequency * span)
         for begin in np.sort(streams["dropouts"].uniform(log.time[0], log.time[-1], count)):
             kept[np.searchsorted(log.time, begin) : np.searchsorted(log.time, begin + model.dropout_length)] = False

@@ -15,9 +15,11 @@ from navfuse.data.trajectory import wrapped
 from navfuse.errors import InputError
 from navfuse.gnss.atmosphere import ionosphere_obliquity, saastamoinen_zenith, troposphere_mapping
 from navfuse.gnss.ranging import arriving_signals
+from navfuse.simulation.bounds import require_rows
 from navfuse.simulation.perfect_imu import sample_times
 from navfuse.simulation.sensors import _local_axes, antenna_state, gauss_markov
 from navfuse.simulation.sky import within
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -104,7 +106,7 @@ def measure_raw_gnss(
         raise InputError(
             f"the motion ends at {motion.end:g} s, before the first GNSS epoch at {motion.start + model.offset:g} s"
         )
-    streams = dict(zip(_STREAMS, rng.spawn(len(_STREAMS)), strict=True))
+    streams = Streams(rng, _STREAMS)
     r_e, v_e = antenna_state(motion, time, lever_arm_b)
     lat, lon, height = ecef_to_geodetic_batch(r_e)
     signals = arriving_signals(model.constellation, time + model.constellation_start, r_e, v_e)
@@ -212,6 +214,7 @@ def _outliers(
     epochs: int, satellites: int, model: RawGnssModel, when: np.random.Generator, size: np.random.Generator
 ) -> Array:
     """(n, m) outliers [m]; each row is one with the stated chance, however long they last."""
+    require_rows(model.outlier_length * model.rate, f"outliers of {model.outlier_length:g} s")
     length = max(1, round(model.outlier_length * model.rate))
     begins = when.random((epochs + length - 1, satellites)) < -np.expm1(np.log1p(-model.outlier_share) / length)
     sizes = size.uniform(model.outlier_from, model.outlier_to, begins.shape)

@@ -30,8 +30,8 @@ from navfuse.simulation.sampled_sensor import (
     random_boxes,
     rounded,
     stated_sd,
-    streams,
 )
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -180,7 +180,7 @@ def measure_odometer(
     InputError
         When the motion ends before the first sample.
     """
-    draws = streams(rng, ("scale", "noise", "slip_times", "slip"))
+    draws = Streams(rng, ("scale", "noise", "slip_times", "slip"))
     time = model.sample_times(motion)
 
     def forward(at: Array) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 
 from navfuse.data.logs import ImuLog
 from navfuse.errors import ConfigError, InputError
+from navfuse.simulation.bounds import require_rows
 from navfuse.simulation.inverse_imu import invert_mechanization
 from navfuse.simulation.motion_kernels import integrate_imu
 
@@ -39,10 +40,11 @@ def sample_times(start: float, end: float, rate: float, offset: float = 0.0) -> 
     Raises
     ------
     ConfigError
-        For a rate that is not positive and finite.
+        For a rate that is not positive and finite, or more rows than :data:`~navfuse.simulation.bounds.MOST_ROWS`.
     """
     if not 0.0 < rate < np.inf:
         raise ConfigError(f"a sampling rate must be positive and finite, not {rate!r}")
+    require_rows((end - start - offset) * rate, f"{end - start:g} s at {rate:g} Hz")
     count = int(np.floor((end - start - offset) * rate * (1.0 + 1e-12) + 1e-9)) + 1
     return np.minimum(start + offset + np.arange(max(count, 0)) / rate, end)
 

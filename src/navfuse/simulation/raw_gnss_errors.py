@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfuse.core.constants import LIGHT_SPEED
+from navfuse.core.printed_keys import naming_keys, shown
 from navfuse.errors import ConfigError
 from navfuse.gnss.almanac import read_almanac
 from navfuse.gnss.orbits import Constellation, gps_constellation, workshop_constellation
-from navfuse.simulation.datasheet import one_number, to_fields
-from navfuse.simulation.sky import SatelliteOutage, SkySector, outage_of, sector_of, windows
+from navfuse.simulation.bounds import sampling_rate
+from navfuse.simulation.datasheet import one_number, tables, things, to_fields, windows
+from navfuse.simulation.sky import SatelliteOutage, SkySector, outage_of, sector_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -72,7 +74,7 @@ _SIZES = (
     "troposphere_sd", "code_sd", "code_elevation_sd", "multipath_sd", "range_rate_sd", "range_rate_elevation_sd",
     "outlier_length", "cn0_zenith", "cn0_horizon", "cn0_sd",
 )  # fmt: skip
-_POSITIVE = ("rate", "stated_sigma_factor", "stated_least_range", "stated_least_rate")
+_POSITIVE = ("stated_sigma_factor", "stated_least_range", "stated_least_rate")
 _SIGNED = ("latency", "constellation_start", "clock_offset", "clock_drift", "outlier_from", "outlier_to")
 _CORRELATED = ("signal", "ionosphere", "troposphere", "multipath")
 _MOST_OUTLIERS = 0.5
@@ -186,6 +188,7 @@ class RawGnssModel:
         checked: dict[str, Any] = {name: one_number(name, getattr(self, name)) for name in _SIZES}
         checked |= {name: one_number(name, getattr(self, name), above=True) for name in _POSITIVE}
         checked |= {name: one_number(name, getattr(self, name), least=-math.inf) for name in _SIGNED}
+        checked["rate"] = sampling_rate("rate", self.rate)
         for name in _CORRELATED:
             checked[f"{name}_tau"] = one_number(f"{name}_tau", getattr(self, f"{name}_tau"), infinite=True)
             if checked[f"{name}_sd"] > 0.0 and not checked[f"{name}_tau"] > 0.0:
@@ -195,23 +198,20 @@ class RawGnssModel:
             raise ConfigError("elevation_mask must be below 90 deg, or no satellite is left")
         checked["outlier_share"] = one_number("outlier_share", self.outlier_share)
         if checked["outlier_share"] > _MOST_OUTLIERS:
-            raise ConfigError(f"outlier_share must be at most {_MOST_OUTLIERS:g}, not {self.outlier_share!r}")
+            raise ConfigError(f"outlier_share must be at most {_MOST_OUTLIERS:g}, not {shown(self.outlier_share)}")
         if checked["outlier_from"] > checked["outlier_to"]:
             raise ConfigError("outlier_from must not be above outlier_to")
         if checked["outlier_share"] > 0.0 and checked["outlier_from"] == checked["outlier_to"] == 0.0:
             raise ConfigError("outliers need a size: give outlier_from and outlier_to")
         if not isinstance(self.corrected, bool):
-            raise ConfigError(f"corrected must be true or false, not {self.corrected!r}")
+            raise ConfigError(f"corrected must be true or false, not {shown(self.corrected)}")
         if self.corrected and checked["ionosphere_zenith"] > 0.0:
             raise ConfigError("ionosphere_zenith needs corrected = false: corrected pseudo-ranges do not contain it")
         if not isinstance(self.constellation, Constellation):
             raise ConfigError(f"constellation must be a Constellation, not {self.constellation!r}")
         checked["outages"] = windows("outages", self.outages)
         for name, kind in (("sectors", SkySector), ("satellite_outages", SatelliteOutage)):
-            checked[name] = tuple(getattr(self, name))
-            for entry in checked[name]:
-                if not isinstance(entry, kind):
-                    raise ConfigError(f"{name} must hold {kind.__name__}, not {type(entry).__name__}")
+            checked[name] = things(name, getattr(self, name), kind)
         for outage in checked["satellite_outages"]:
             self.constellation.index(outage.satellite)
         for name, value in checked.items():
@@ -220,6 +220,7 @@ class RawGnssModel:
     @classmethod
     def from_datasheet(
         cls,
+        /,
         constellation: str | Constellation = "gps",
         n_satellites: int | None = None,
         corrected: bool = True,
@@ -254,15 +255,19 @@ class RawGnssModel:
         >>> model.range_rate_sd
         0.02
         """
-        return cls(
-            constellation=_constellation(constellation, n_satellites),
-            corrected=corrected,
-            sectors=tuple(sector_of(entry) for entry in sectors),
-            satellite_outages=tuple(outage_of(entry) for entry in satellite_outages),
-            **to_fields("raw GNSS errors", printed, RAW_GNSS_UNITS),  # pyright: ignore[reportArgumentType]
-        )
+        hidden = [sector_of(entry) for entry in tables("sectors", sectors, SkySector)]
+        lost = [outage_of(entry) for entry in tables("satellite_outages", satellite_outages, SatelliteOutage)]
+        fields = to_fields("raw GNSS errors", printed, RAW_GNSS_UNITS)
+        with naming_keys(printed, RAW_GNSS_UNITS):
+            return cls(
+                constellation=_constellation(constellation, n_satellites),
+                corrected=corrected,
+                sectors=tuple(hidden),
+                satellite_outages=tuple(lost),
+                **fields,  # pyright: ignore[reportArgumentType]
+            )
 
-    def replace_datasheet(self, **printed: Any) -> RawGnssModel:
+    def replace_datasheet(self, /, **printed: Any) -> RawGnssModel:
         """A copy with some fields changed, by keys of :data:`RAW_GNSS_UNITS`.
 
         Raises
@@ -270,7 +275,9 @@ class RawGnssModel:
         ConfigError
             As :meth:`from_datasheet`.
         """
-        return dataclasses.replace(self, **to_fields("raw GNSS errors", printed, RAW_GNSS_UNITS))
+        fields = to_fields("raw GNSS errors", printed, RAW_GNSS_UNITS)
+        with naming_keys(printed, RAW_GNSS_UNITS):
+            return dataclasses.replace(self, **fields)
 
 
 def _constellation(given: str | Constellation, n_satellites: int | None) -> Constellation:
@@ -283,5 +290,5 @@ def _constellation(given: str | Constellation, n_satellites: int | None) -> Cons
     if given == "workshop":
         return workshop_constellation()
     if not isinstance(given, str) or not Path(given).suffix:
-        raise ConfigError(f"constellation must be 'gps', 'workshop' or the name of an almanac file, not {given!r}")
+        raise ConfigError(f"constellation must be 'gps', 'workshop' or the name of an almanac file, not {shown(given)}")
     return read_almanac(given)

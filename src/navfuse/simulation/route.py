@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfuse.errors import ConfigError
+from navfuse.simulation.bounds import require_rows
 from navfuse.simulation.motion import Motion
 from navfuse.simulation.paths import STEEPEST, LocalMap, SmoothSteps, Turning, integrate_path
 
@@ -136,7 +137,8 @@ class Route:
     lift: Turning
 
     def knots(self, spacing: float) -> Array:
-        """Even times from 0 to the end, about `spacing` [s] apart."""
+        """Even times from 0 to the end, about `spacing` [s] apart; a ConfigError for too many."""
+        require_rows(self.duration / spacing, f"the plan lasts {self.duration:g} s and with a knot every {spacing:g} s")
         return np.linspace(0.0, self.duration, max(round(self.duration / spacing), 5) + 1)
 
     def at(self, time: Array) -> RoutePoints:

@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from navfuse.core.printed_keys import naming_keys
 from navfuse.core.rotation import dcm_from_quat_batch
 from navfuse.errors import ConfigError, InputError
+from navfuse.simulation.bounds import require_rows, sampling_rate
 from navfuse.simulation.datasheet import any_number, one_number, to_fields, unknown_key
 from navfuse.simulation.perfect_imu import sample_times
 from navfuse.simulation.sensors import gauss_markov
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
     from typing import Self
 
     from numpy.typing import ArrayLike
@@ -60,14 +62,14 @@ class SampledSensor:
 
     def _settle(self, **checks: Callable[[str, Any], Any]) -> None:
         """Replace fields by what their check makes of them; those of the base class always."""
-        object.__setattr__(self, "rate", one_number("rate", self.rate, above=True))
+        object.__setattr__(self, "rate", sampling_rate("rate", self.rate))
         object.__setattr__(self, "offset", one_number("offset", self.offset))
         object.__setattr__(self, "latency", any_number("latency", self.latency))
         for name, check in checks.items():
             object.__setattr__(self, name, check(name, getattr(self, name)))
 
     @classmethod
-    def from_datasheet(cls, **printed: Any) -> Self:
+    def from_datasheet(cls, /, **printed: Any) -> Self:
         """A model from keys that end in their unit.
 
         Parameters
@@ -80,9 +82,10 @@ class SampledSensor:
         ConfigError
             For an unknown key or unit (the nearest is named), a field given in two units, or a value the model refuses.
         """
-        return cls(**cls._fields(printed))
+        with naming_keys(printed, cls.UNITS):
+            return cls(**cls._fields(printed))
 
-    def replace_datasheet(self, **printed: Any) -> Self:
+    def replace_datasheet(self, /, **printed: Any) -> Self:
         """A copy with some fields changed, by the keys of :meth:`from_datasheet`.
 
         Raises
@@ -90,7 +93,8 @@ class SampledSensor:
         ConfigError
             As :meth:`from_datasheet`.
         """
-        return dataclasses.replace(self, **self._fields(printed))
+        with naming_keys(printed, self.UNITS):
+            return dataclasses.replace(self, **self._fields(printed))
 
     @classmethod
     def _fields(cls, printed: dict[str, Any]) -> dict[str, Any]:
@@ -141,11 +145,6 @@ def need_tau(sd_name: str, sd: ArrayLike, tau_name: str, tau: float) -> None:
     """
     if np.any(np.asarray(sd) > 0.0) and not tau > 0.0:
         raise ConfigError(f"{sd_name} needs {tau_name} > 0 (inf for a constant)")
-
-
-def streams(rng: np.random.Generator, names: Sequence[str]) -> dict[str, np.random.Generator]:
-    """One child of a generator for each error, so that switching one on leaves the draws of the others alone."""
-    return dict(zip(names, rng.spawn(len(names)), strict=True))
 
 
 def stated_sd(factor: float, sd: ArrayLike, shape: tuple[int, ...]) -> Array | None:
@@ -205,6 +204,7 @@ def random_boxes(
     (n, k) array
         Overlapping offsets add up.
     """
+    require_rows(frequency * (time[-1] - time[0]), f"{3600.0 * frequency:g} random events per hour")
     count = when.poisson(frequency * (time[-1] - time[0])) if frequency else 0
     begin = np.sort(when.uniform(time[0], time[-1], count))
     end = begin + mean * when.standard_exponential(count)
@@ -233,6 +233,7 @@ def interval_means(values_at: Callable[[Array], Array], time: Array, length: flo
     Gauss-Legendre quadrature of order 8 on panels of at most 50 ms: rounding for anything slower than about 1 Hz, a
     millionth at 3 Hz.
     """
+    require_rows(_NODES.size * length / _PANEL, f"the mean over an interval of {length:g} s")
     panels = max(1, math.ceil(length / _PANEL - 1e-9))
     fraction = ((np.arange(panels)[:, None] + 0.5 * (1.0 + _NODES)) / panels).ravel()
     weights = np.tile(0.5 * _WEIGHTS / panels, panels)

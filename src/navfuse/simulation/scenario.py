@@ -22,6 +22,7 @@ from typing import Any, Literal
 from navfuse.errors import ConfigError
 from navfuse.simulation.barometer import BarometerModel, measure_barometer
 from navfuse.simulation.body_velocity import BodyVelocityModel, measure_body_velocity
+from navfuse.simulation.bounds import FASTEST_HZ
 from navfuse.simulation.gnss_errors import GnssReceiverModel
 from navfuse.simulation.heading_sensor import HeadingModel, measure_heading
 from navfuse.simulation.imu_errors import ImuSensorModel
@@ -74,8 +75,6 @@ SENSORS: Mapping[str, SensorKind] = MappingProxyType(
 """Aiding sensors beside GNSS fixes, by the section of the scenario."""
 
 _ALMANAC_KEY, _OWN_CONSTELLATIONS = "constellation", ("gps", "workshop")
-
-FASTEST_HZ = 10_000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -319,7 +318,7 @@ def _rate(keys: ScenarioTable, key: str, default: float | None = None) -> float:
     return rate
 
 
-def _model(where: str, make: Callable[..., Any], *base: Any, **printed: Any) -> Any:
+def _model(where: str, make: Callable[..., Any], /, *base: Any, **printed: Any) -> Any:
     try:
         return make(*base, **printed)
     except ConfigError as error:

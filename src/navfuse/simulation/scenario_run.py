@@ -84,13 +84,14 @@ def scenario_truth(scenario: Scenario) -> ScenarioTruth:
         As :attr:`Scenario.motion`, and for a motion too short for two IMU samples.
     """
     motion = scenario.motion
-    stamps = sample_times(motion.start, motion.end, scenario.imu_rate)
+    stamps = _named(scenario, "imu", sample_times, motion.start, motion.end, scenario.imu_rate)
     if stamps.size < 2:
         raise ConfigError(
             f"{scenario.name}: the motion lasts {motion.end - motion.start:g} s, too short for two IMU samples at "
             f"{scenario.imu_rate:g} Hz"
         )
-    truth = motion.trajectory(sample_times(motion.start, motion.end, scenario.truth_rate))
+    truth_stamps = _named(scenario, "motion", sample_times, motion.start, motion.end, scenario.truth_rate)
+    truth = motion.trajectory(truth_stamps)
     antenna = None
     if scenario.gnss is not None:
         times = _named(scenario, "gnss", measuring_times, motion, scenario.gnss)

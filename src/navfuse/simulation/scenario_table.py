@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from navfuse.core.printed_keys import LARGEST, shown
 from navfuse.errors import ConfigError
 
 
@@ -27,7 +28,7 @@ class ScenarioTable:
 
     def __init__(self, where: str, table: Any) -> None:
         if not isinstance(table, Mapping):
-            raise ConfigError(f"{where}: must be a table of keys, not {table!r}")
+            raise ConfigError(f"{where}: must be a table of keys, not {shown(table)}")
         self.where = where
         self._table = dict(table)
         self._known: list[str] = []
@@ -52,31 +53,31 @@ class ScenarioTable:
     def number(self, key: str, default: float | None = None, factor: float = 1.0, *, above: float = -math.inf) -> float:
         """A finite number above a bound, times a factor; without a default it has to be there."""
         value = self.need(key) if default is None else self.get(key, default)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ConfigError(f"{self.where}: {key} must be a finite number, not {value!r}")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
+            raise ConfigError(f"{self.where}: {key} must be a finite number{_bound(value)}, not {shown(value)}")
         if not value > above:
-            raise ConfigError(f"{self.where}: {key} must be more than {above:g}, not {value!r}")
+            raise ConfigError(f"{self.where}: {key} must be more than {above:g}, not {shown(value)}")
         return float(value) * factor
 
     def whole(self, key: str, default: int) -> int:
         """A whole number of at least 0."""
         value = self.get(key, default)
         if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-            raise ConfigError(f"{self.where}: {key} must be a whole number of at least 0, not {value!r}")
+            raise ConfigError(f"{self.where}: {key} must be a whole number of at least 0, not {shown(value)}")
         return value
 
     def yes(self, key: str) -> bool:
         """Whether a key that is there is true."""
         value = self.need(key)
         if not isinstance(value, bool):
-            raise ConfigError(f"{self.where}: {key} must be true or false, not {value!r}")
+            raise ConfigError(f"{self.where}: {key} must be true or false, not {shown(value)}")
         return value
 
     def text(self, key: str, default: str | None = None, known: Iterable[str] | None = None) -> str:
         """A text, one of those known if any are given."""
         value = self.need(key) if default is None else self.get(key, default)
         if not isinstance(value, str):
-            raise ConfigError(f"{self.where}: {key} must be a text, not {value!r}")
+            raise ConfigError(f"{self.where}: {key} must be a text, not {shown(value)}")
         if known is not None and value not in (known := list(known)):
             raise ConfigError(f"{self.where}: {key} = {value!r} is none of {', '.join(known)}{nearest(value, known)}")
         return value
@@ -87,10 +88,13 @@ class ScenarioTable:
         """Three finite numbers."""
         value = self.need(key) if default is None else self.get(key, default)
         numbers = value if isinstance(value, list | tuple) else ()
-        good = [isinstance(x, int | float) and not isinstance(x, bool) and least <= x < math.inf for x in numbers]
+        good = [
+            isinstance(x, int | float) and not isinstance(x, bool) and least <= x and abs(x) <= LARGEST for x in numbers
+        ]
         if len(good) != 3 or not all(good):
             bound = f" of at least {least:g}" if least > -math.inf else ""
-            raise ConfigError(f"{self.where}: {key} must be three finite numbers{bound}, not {value!r}")
+            large = next(filter(None, map(_bound, numbers)), "")
+            raise ConfigError(f"{self.where}: {key} must be three finite numbers{bound}{large}, not {shown(value)}")
         x, y, z = map(float, numbers)
         return x, y, z
 
@@ -98,7 +102,7 @@ class ScenarioTable:
         """A list of tables."""
         value = self.need(key)
         if not isinstance(value, list) or not value or not all(isinstance(entry, Mapping) for entry in value):
-            raise ConfigError(f"{self.where}: {key} must be a list of tables, not {value!r}")
+            raise ConfigError(f"{self.where}: {key} must be a list of tables, not {shown(value)}")
         return value
 
     def rest(self) -> dict[str, Any]:
@@ -119,3 +123,9 @@ def nearest(word: object, known: Iterable[str]) -> str:
     """The known word most like another, as the end of a sentence; nothing if there is none."""
     close = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.5)
     return f"; did you mean {close[0]}?" if close else ""
+
+
+def _bound(value: object) -> str:
+    """What is asked of a number that is finite and too large; nothing of anything else."""
+    large = isinstance(value, int | float) and LARGEST < abs(value) < math.inf
+    return f" of at most {LARGEST:g} in size" if large else ""

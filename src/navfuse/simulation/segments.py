@@ -14,11 +14,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
+from navfuse.core.printed_keys import LARGEST, shown
 from navfuse.errors import ConfigError
 from navfuse.simulation.motion import Motion
 from navfuse.simulation.paths import LocalMap
 from navfuse.simulation.route import Plan, Vehicle
 from navfuse.simulation.scenario_table import nearest
+
+MOST_REPEATS = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +87,8 @@ class STurns:
 
     def plan(self, plan: Plan, where: str) -> None:
         """Append it to a plan."""
-        if self.count < 1:
-            raise ConfigError(f"{where}: the count of turns must be at least 1, not {self.count!r}")
+        if not 1 <= self.count <= MOST_REPEATS:
+            raise ConfigError(f"{where}: the count of turns must be in 1 .. {MOST_REPEATS}, not {self.count!r}")
         for number in range(self.count):
             side = -1.0 if number % 2 else 1.0
             plan.turn(side * self.angle, self.lateral, None, where)
@@ -130,7 +133,6 @@ _KINDS: dict[str, type] = {
     "stop": Stop,
 }
 REPEAT = "repeat"
-MOST_REPEATS = 10_000
 
 _KEYS = {
     "duration": ("duration_s", 1.0),
@@ -207,6 +209,8 @@ def segments_from_tables(tables: Iterable[Mapping[str, Any]]) -> list[Segment]:
     """
     found: list[Segment] = []
     for number, table in enumerate(tables, 1):
+        if not isinstance(table, Mapping):
+            raise ConfigError(f"segment {number} must be a table of keys, not {table!r}")
         found += _repeated(number, table) if table.get("do") == REPEAT else [_segment(str(number), dict(table))]
     return found
 
@@ -229,7 +233,7 @@ def _repeated(number: int, table: Mapping[str, Any]) -> list[Segment]:
 
 def _segment(number: str, table: dict[str, Any]) -> Segment:
     name = table.pop("do", None)
-    if name not in _KINDS:
+    if not isinstance(name, str) or name not in _KINDS:
         raise ConfigError(f"segment {number}: do = {name!r} is none of {', '.join(_KINDS)}{nearest(name, _KINDS)}")
     known = {_KEYS[field.name][0]: field for field in fields(_KINDS[name])}
     values = {}
@@ -243,6 +247,10 @@ def _segment(number: str, table: dict[str, Any]) -> Segment:
             kind = "a whole number" if key == "count" else "a number"
             raise ConfigError(f"segment {number} ({name}): {key} must be {kind}, not {value!r}")
         field = known[key].name
+        if not abs(value) <= LARGEST:
+            raise ConfigError(
+                f"segment {number} ({name}): {key} must be finite and at most {LARGEST:g} in size, not {shown(value)}"
+            )
         values[field] = value * _KEYS[field][1]
     missing = [key for key, field in known.items() if field.default is MISSING and field.name not in values]
     if missing:

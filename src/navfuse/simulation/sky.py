@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfuse.core.constants import TWO_PI
+from navfuse.core.printed_keys import naming_keys, shown
 from navfuse.errors import ConfigError
-from navfuse.simulation.datasheet import frozen, numbers, one_number, to_fields, unknown_key
+from navfuse.simulation.datasheet import one_number, to_fields, unknown_key, windows
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -79,11 +80,13 @@ class SkySector:
                 f"{'empty' if turn == 0.0 else 'wider than all round'}; all round is 0 to 360"
             )
         if self.relative_to not in ("north", "vehicle"):
-            raise ConfigError(f"relative_to of a sky sector must be 'north' or 'vehicle', not {self.relative_to!r}")
+            raise ConfigError(
+                f"relative_to of a sky sector must be 'north' or 'vehicle', not {shown(self.relative_to)}"
+            )
         object.__setattr__(self, "windows", windows("windows of a sky sector", self.windows))
 
     @classmethod
-    def from_datasheet(cls, relative_to: str = "north", **printed: Any) -> SkySector:
+    def from_datasheet(cls, /, relative_to: str = "north", **printed: Any) -> SkySector:
         """A sector from keys that end in their unit, :data:`SECTOR_UNITS`.
 
         Raises
@@ -95,7 +98,8 @@ class SkySector:
         for key, (name, _) in SECTOR_UNITS.items():
             if name not in given and name != "windows":
                 raise ConfigError(f"a sky sector needs {key!r}")
-        return cls(relative_to=relative_to, **given)  # pyright: ignore[reportArgumentType]
+        with naming_keys(printed, SECTOR_UNITS):
+            return cls(relative_to=relative_to, **given)  # pyright: ignore[reportArgumentType]
 
     @property
     def width(self) -> float:
@@ -175,22 +179,8 @@ def outage_of(given: SatelliteOutage | Mapping[str, Any]) -> SatelliteOutage:
 
 def _mapping(name: str, given: Any) -> Mapping[str, Any]:
     if not isinstance(given, Mapping):
-        raise ConfigError(f"{name} must hold tables of keys and values, not {given!r}")
+        raise ConfigError(f"{name} must hold tables of keys and values, not {shown(given)}")
     return given
-
-
-def windows(name: str, value: ArrayLike) -> Array:
-    """Windows [from, to) as read-only (m, 2) array.
-
-    Raises
-    ------
-    ConfigError
-    """
-    spans = numbers(name, value)
-    spans = spans.reshape(0, 2) if spans.size == 0 else spans
-    if spans.ndim != 2 or spans.shape[1] != 2 or not np.all(spans[:, 0] < spans[:, 1]):
-        raise ConfigError(f"{name} must be windows [from, to] with from < to, not {value!r}")
-    return frozen(spans)
 
 
 def within(time: Array, spans: Array) -> Array:

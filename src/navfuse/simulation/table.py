@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from navfuse.core.earth import geodetic_to_ecef
 from navfuse.core.rotation import dcm_from_euler
 from navfuse.errors import ConfigError
+from navfuse.simulation.bounds import require_rows
 from navfuse.simulation.motion import Motion
 from navfuse.simulation.paths import LocalMap, SmoothSteps, Turning
 from navfuse.simulation.pinned import pinned
@@ -102,6 +103,7 @@ def rotating_table(
         spans.append((t, t + move.pause))
         t += move.pause
 
+    require_rows(t / _SPACING, f"the moves last {t:g} s and with a knot every {_SPACING:g} s")
     time = np.linspace(0.0, t, max(round(t / _SPACING), 5) + 1)
     turned = {axis: Turning(0.0, SmoothSteps(0.0, list_)).value(time) for axis, list_ in steps.items()}
     current = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, None)

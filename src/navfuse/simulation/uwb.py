@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from navfuse.core.earth import geodetic_to_ecef_batch
+from navfuse.core.printed_keys import shown
 from navfuse.data.aiding_logs import UwbAnchors, UwbLog
 from navfuse.errors import ConfigError, InputError
 from navfuse.simulation.datasheet import any_number, one_number, one_or_several, three_numbers, unknown_key
@@ -21,9 +22,9 @@ from navfuse.simulation.sampled_sensor import (
     need_each_other,
     rounded,
     stated_sd,
-    streams,
 )
 from navfuse.simulation.sensors import antenna_state
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -197,7 +198,7 @@ def measure_uwb(motion: Motion, model: UwbModel, rng: np.random.Generator) -> tu
     InputError
         When the motion ends before the first poll, or all anchors are out of reach all the time.
     """
-    draws = streams(rng, ("bias", "noise", "nlos_times", "nlos"))
+    draws = Streams(rng, ("bias", "noise", "nlos_times", "nlos"))
     time = model.sample_times(motion)
     table = model.anchor_table()
     anchor = np.arange(time.size) % table.name.size
@@ -226,7 +227,7 @@ def _anchors(name: str, value: Any) -> tuple[UwbAnchor, ...]:
     known = [field.name for field in dataclasses.fields(UwbAnchor)]
     anchors = []
     if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable):
-        raise ConfigError(f"{name} must be a list, not {value!r}")
+        raise ConfigError(f"{name} must be a list, not {shown(value)}")
     for given in value:
         if isinstance(given, Mapping):
             for key in given:

@@ -11,6 +11,7 @@ from navfuse.core.constants import STANDARD_GRAVITY
 from navfuse.core.earth import geodetic_to_ecef
 from navfuse.core.rotation import dcm_from_euler
 from navfuse.errors import ConfigError
+from navfuse.simulation.bounds import require_rows
 from navfuse.simulation.motion import Motion
 from navfuse.simulation.paths import STEEPEST, LocalMap, SmoothSteps, Terrain, Turning, integrate_path
 
@@ -88,11 +89,13 @@ def car_drive(
     Raises
     ------
     ConfigError
-        For a duration that is not positive, a negative standing time or slope.
+        For a duration that is not positive or too long, a negative standing time, a slope outside 0 .. 1.
     """
-    _require_positive("duration", duration)
-    if not standing >= 0.0 or not hills >= 0.0:
-        raise ConfigError(f"standing and hills must not be negative, not {standing!r} and {hills!r}")
+    _require_duration(duration)
+    if not standing >= 0.0 or not 0.0 <= hills <= 1.0:
+        raise ConfigError(
+            f"standing must not be negative, and hills must be a slope in 0 .. 1, not {standing!r} and {hills!r}"
+        )
     plan, ground = np.random.default_rng(seed).spawn(2)
     speed, course = _city_plan(plan, duration, heading, standing)
     terrain = Terrain.random(ground, hills)
@@ -170,7 +173,8 @@ def figure_eight_flight(
     Raises
     ------
     ConfigError
-        For a duration or speed that is not positive, a negative straight time, or a bank out of range.
+        For a duration or speed that is not positive, a duration that is too long, a negative straight time, or a bank
+        out of range.
     """
     _require_flight(duration, speed, bank, straight)
     turn = STANDARD_GRAVITY * math.tan(bank) / speed
@@ -264,8 +268,13 @@ def _require_positive(name: str, value: float) -> None:
         raise ConfigError(f"{name} must be positive and finite, not {value!r}")
 
 
-def _require_flight(duration: float, speed: float, bank: float, straight: float) -> None:
+def _require_duration(duration: float) -> None:
     _require_positive("duration", duration)
+    require_rows(duration / _SPACING, f"a motion of {duration:g} s with a knot every {_SPACING:g} s")
+
+
+def _require_flight(duration: float, speed: float, bank: float, straight: float) -> None:
+    _require_duration(duration)
     _require_positive("speed", speed)
     if not straight >= 0.0:
         raise ConfigError(f"straight must not be negative, not {straight!r}")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from navfuse.core.printed_keys import shown
 from navfuse.data.aiding_logs import WheelSpeedLog
 from navfuse.errors import ConfigError
 from navfuse.simulation.datasheet import any_number, one_number, one_or_several, unknown_key, yes_or_no
@@ -20,8 +21,8 @@ from navfuse.simulation.sampled_sensor import (
     interval_means,
     point_velocity_b,
     rounded,
-    streams,
 )
+from navfuse.simulation.streams import Streams
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -172,7 +173,7 @@ def measure_wheel_speeds(
     The road is taken for parallel to the body's x-y plane. With the velocity v of the point of contact, a wheel that is
     not steered has ``v_x``; a steered one has ``hypot(v_x, v_y)`` with the sign of ``v_x``.
     """
-    draws = streams(rng, ("scale", "noise"))
+    draws = Streams(rng, ("scale", "noise"))
     time = model.sample_times(motion)
     contact = np.array([[wheel.forward_m, wheel.right_m, wheel.down_m] for wheel in model.wheels])
     steered = np.array([wheel.steered for wheel in model.wheels])
@@ -183,7 +184,7 @@ def measure_wheel_speeds(
         return np.where(steered, np.copysign(np.hypot(along, v_b[..., 1]), along), along)
 
     speed = interval_means(rolling, time, 1.0 / model.rate, motion.start) if model.averaged else rolling(time)
-    per_wheel = {name: stream.spawn(len(model.wheels)) for name, stream in draws.items()}
+    per_wheel = {name: draws[name].spawn(len(model.wheels)) for name in ("scale", "noise")}
     drawn = np.array([stream.standard_normal() for stream in per_wheel["scale"]])
     scale = model.values("scale") + model.values("scale_sd") * drawn
     noise = model.speed_sd * np.column_stack([stream.standard_normal(time.size) for stream in per_wheel["noise"]])
@@ -197,7 +198,7 @@ def _wheels(name: str, value: Any) -> tuple[Wheel, ...]:
     known = [field.name for field in dataclasses.fields(Wheel)]
     wheels = []
     if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable):
-        raise ConfigError(f"{name} must be a list, not {value!r}")
+        raise ConfigError(f"{name} must be a list, not {shown(value)}")
     for given in value:
         if isinstance(given, Mapping):
             for key in given:
