@@ -15,6 +15,7 @@ from navfuse.config.sections import ImuConfig
 from navfuse.config.toml_text import toml_value
 from navfuse.core.rotation import euler_from_quat
 from navfuse.data.start import Start
+from navfuse.data.trajectory import wrapped
 from navfuse.errors import ConfigError, OutputError
 from navfuse.imu.error_model import DATASHEET_UNITS
 from navfuse.io.aiding_tables import write_aiding
@@ -267,7 +268,7 @@ def _start_keys(start: Start, scenario: Scenario) -> dict[str, Any]:
         "velocity_mps": start.nav[3:6].tolist(),
         "roll_deg": roll,
         "pitch_deg": pitch,
-        "heading_deg": heading % 360.0,
+        "heading_deg": float(wrapped(np.array(heading), 360.0)),
         "sd_position_m": list(errors.sd_position),
         "sd_velocity_mps": list(errors.sd_velocity),
         "sd_attitude_deg": [degrees(angle) for angle in errors.sd_attitude],

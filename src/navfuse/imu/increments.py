@@ -177,7 +177,8 @@ def steps_missing(size, dt, steps):
     -----
     Rows are missing if the interval, less what stamps before it came early, is longer than FILL_STEPS usual steps, and
     the velocity increment speaks for one usual step rather than for all of it: |f| continuing, and not of an absurd
-    size, which would mean that the step is not the usual one. Stamps that scatter by more than MOST_SCATTER say nothing.
+    size, which would mean that the step is not the usual one. Stamps that scatter by more than MOST_SCATTER say
+    nothing.
     """
     usual, count, early, scatter, force = steps
     length = dt - early
@@ -193,19 +194,19 @@ def next_steps(size, dt, steps, missing):
     Returns
     -------
     usual : float [s]
-        Running mean over MEMORY_STEPS intervals, so that neither a wrong stamp nor rows that arrive in bursts become the
-        measure of those that follow; an interval in which rows are missing does not count.
+        Running mean over MEMORY_STEPS intervals, so that neither a wrong stamp nor rows that arrive in bursts become
+        the measure of those that follow; an interval in which rows are missing does not count.
     count : float
         Of intervals in it.
     early : float [s]
         How much the last stamp came early.
     scatter : float
-        Mean deviation from the usual step, in usual steps; missing rows count as at most two, so that a log that seems to
-        lose rows all the time is believed in the end.
+        Mean deviation from the usual step, in usual steps; missing rows count as at most two, so that a log that seems
+        to lose rows all the time is believed in the end.
     force : float [m/s^2]
         |f| in the row.
     """
-    usual, count, early, scatter, force = steps
+    usual, count, early, scatter, _ = steps
     if missing > 0.0:
         return usual, count, 0.0, scatter + (min(missing, 2.0) - scatter) / count, size / usual
     count = min(count + 1.0, MEMORY_STEPS)
