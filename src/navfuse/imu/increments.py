@@ -307,8 +307,8 @@ class IncrementsBuilder:
         self._time = np.empty(0)
         self._gyro = np.empty((0, 3))
         self._accel = np.empty((0, 3))
-        self._dt = NO_INTERVAL
-        self._steps = NO_STEPS
+        self._dt: tuple[float, float] = NO_INTERVAL
+        self._steps: tuple[float, ...] = NO_STEPS
         self._memory = 1 if kind == "rates" else 2
 
     def feed(self, log: ImuLog) -> ImuIncrements:
@@ -347,7 +347,7 @@ class IncrementsBuilder:
             _from_rates(time, gyro, accel, self.gap_s, inc_theta, inc_v)
         else:
             found = _from_increments(time, gyro, accel, first, self.gap_s, *self._dt, self._steps, inc_theta, inc_v)
-            self._dt, self._steps = found[:2], found[2]
+            self._dt, self._steps = (found[0], found[1]), found[2]
         self._time, self._gyro, self._accel = (x[-self._memory :].copy() for x in (time, gyro, accel))
         return ImuIncrements(time[first - 1 :], inc_theta, inc_v)
 
@@ -383,7 +383,7 @@ class IncrementsBuilder:
         rows = state[_HEAD:].reshape(-1, _ROW)
         self._time, self._gyro, self._accel = rows[:, 0].copy(), rows[:, 1:4].copy(), rows[:, 4:].copy()
         head = tuple(state[:_HEAD].tolist()) if state.size else (*NO_INTERVAL, *NO_STEPS)
-        self._dt, self._steps = head[:2], head[2:]
+        self._dt, self._steps = (head[0], head[1]), head[2:]
 
 
 def to_increments(log: ImuLog, gap_s: float = np.inf) -> ImuIncrements:
