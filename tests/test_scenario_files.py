@@ -191,7 +191,6 @@ def test_a_wrong_project_section_is_found_before_anything_is_simulated(tmp_path)
 def test_logs_of_an_earlier_scenario_go_and_other_files_stay(tmp_path):
     simulate_scenario(load_scenario("city-car", SHORT), tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
-    (tmp_path / "odometer.csv").write_text("old")
     simulate_scenario(load_scenario("static", {"": {"duration_s": 5.0}}), tmp_path)
     assert (tmp_path / "notes.txt").read_text() == "mine"
     assert not (tmp_path / "odometer.csv").exists()
@@ -200,10 +199,32 @@ def test_logs_of_an_earlier_scenario_go_and_other_files_stay(tmp_path):
     )
 
 
+def test_logs_that_no_simulation_wrote_are_neither_replaced_nor_removed(tmp_path):
+    (tmp_path / "odometer.csv").write_text("mine")
+    with pytest.raises(OutputError, match="odometer.csv would be replaced, and no earlier simulation wrote it"):
+        simulate_scenario(load_scenario("city-car", SHORT), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["odometer.csv"]
+    simulate_scenario(load_scenario("static", {"": {"duration_s": 5.0}}), tmp_path)
+    simulate_scenario(load_scenario("static", {"": {"duration_s": 6.0}}), tmp_path)
+    assert (tmp_path / "odometer.csv").read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["gnss.csv", "odometer.csv", "anchors.csv", ".csv", "a b.csv"])
+def test_one_table_takes_no_name_of_another(name):
+    with pytest.raises(ConfigError, match="one_table must name a .csv file of its own"):
+        load_scenario("aircraft-1hz", {"": {"one_table": name}})
+
+
+@pytest.mark.parametrize("section", ["imu", "gnss"])
+def test_the_project_section_names_no_logs(section):
+    with pytest.raises(ConfigError, match=rf"city-car: \[project.{section}\]: file is what the simulation writes"):
+        project_tables(load_scenario("city-car", {"project": {section: {"file": "x.csv"}}}))
+
+
 def test_what_a_scenario_is_made_of_is_never_replaced(tmp_path):
     own = tmp_path / "project.toml"
     own.write_text(scenario_text("static"), encoding="utf-8")
-    with pytest.raises(ConfigError, match="project.toml is what project is made of and would be replaced"):
+    with pytest.raises(ConfigError, match="project.toml is read by this run and would be replaced by it"):
         simulate_scenario(own, tmp_path)
     assert own.read_text(encoding="utf-8") == scenario_text("static")
     rows = ["time_s,lat_deg,lon_deg,height_m"] + [f"{k},{48.0 + 1e-4 * k},11.0,500.0" for k in range(20)]
@@ -214,7 +235,7 @@ def test_what_a_scenario_is_made_of_is_never_replaced(tmp_path):
         "gnss": {"position_sd_m": 1.0},
     }
     scenario = read_scenario(data, "again", folder=tmp_path)
-    with pytest.raises(ConfigError, match="gnss.csv is what again is made of"):
+    with pytest.raises(ConfigError, match="gnss.csv is read by this run and would be replaced by it"):
         simulate_scenario(scenario, tmp_path)
     simulate_scenario(scenario, tmp_path / "elsewhere")
     assert (tmp_path / "gnss.csv").read_text(encoding="utf-8") == "\n".join(rows)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import multiprocessing
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -113,10 +114,20 @@ def test_bad_numbers_are_refused(arguments, message):
         run_campaign(SHORT, **arguments)
 
 
-def test_runs_of_different_epochs_cannot_be_averaged():
+def test_runs_are_averaged_at_the_epochs_that_all_of_them_have():
     campaign = run_campaign(longer_with_the_seed, 2, jobs=1)
-    with pytest.raises(InputError, match="seed 1 has other epochs than seed 0"):
-        assess(campaign)
+    short, long = campaign.runs
+    assert short.time.size < long.time.size
+    found = assess(campaign, settle_s=2.0)["filter"]
+    assert np.array_equal(found.nees["position"].time, short.time)
+    both = np.array([short.nees["position"], long.nees["position"][: short.time.size]])
+    np.testing.assert_allclose(found.nees["position"].mean, both.mean(axis=0) / 3.0)
+
+
+def test_runs_without_a_common_epoch_cannot_be_averaged(alone):
+    moved = replace(alone.runs[1], time=alone.runs[1].time + 0.5)
+    with pytest.raises(InputError, match="the runs have no epoch in common"):
+        assess(replace(alone, runs=[alone.runs[0], moved]))
 
 
 def test_nothing_left_to_judge(alone):

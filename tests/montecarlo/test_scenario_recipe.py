@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from navfuse.errors import ConfigError, InputError
-from navfuse.montecarlo import ProjectRecipe, ScenarioRecipe, Tampering, montecarlo, recipe_from, run_campaign
+from navfuse.io.trajectory_table import write_trajectory
+from navfuse.montecarlo import ProjectRecipe, ScenarioRecipe, Tampering, assess, montecarlo, recipe_from, run_campaign
 from navfuse.scenario_files import simulate_scenario
 from navfuse.simulation.scenario import load_scenario
 
@@ -59,8 +60,12 @@ def test_frames_and_outages():
 
 def test_lost_samples_and_jittering_stamps_go_through():
     changes = (("", "duration_s", 40.0), ("imu", "dropped_percent", 0.5), ("imu", "grade", "industrial-mems"))
-    campaign = run_campaign(ScenarioRecipe("urban-canyon", changes), 2, jobs=1)
-    assert len(campaign.runs) == 2
+    campaign = run_campaign(ScenarioRecipe("urban-canyon", changes, smooth=True), 6, jobs=1)
+    epochs = {run.time.size for run in campaign.runs}
+    found = assess(campaign)
+    assert len(epochs) > 1
+    assert set(found) == {"filter", "smoother"}
+    assert found["filter"].nees["position"].time.size <= min(epochs)
 
 
 def test_a_project_is_simulated_along_its_own_solution(project, tmp_path):
@@ -117,6 +122,34 @@ def test_what_cannot_be(project, tmp_path):
     )
     with pytest.raises(ConfigError, match=r"without \[gnss\] there are no measurements to judge the filter by"):
         recipe_from(lonely)
+
+
+def test_a_recipe_names_what_it_reads(project, tmp_path):
+    rows = ["time_s,lat_deg,lon_deg,height_m"] + [f"{k},{48.0 + 1e-4 * k},11.0,500.0" for k in range(30)]
+    (tmp_path / "track.csv").write_text("\n".join(rows), encoding="utf-8")
+    own = tmp_path / "mine.toml"
+    own.write_text(
+        '[motion]\nvehicle = "track"\nfile = "track.csv"\nrule = "car"\n[imu]\nrate_hz = 20.0\n'
+        "[gnss]\nposition_sd_m = 1.0\n",
+        encoding="utf-8",
+    )
+    assert {path.name for path in recipe_from(own).inputs} == {"mine.toml", "track.csv"}
+    assert {path.name for path in recipe_from(project).inputs} == {"project.toml", "imu.parquet", "gnss.csv"}
+    assert list(ScenarioRecipe("boat", SHORT).inputs) == []
+
+
+def test_a_track_in_the_place_of_a_result_is_kept(tmp_path):
+    motion = load_scenario("city-car", {"": {"duration_s": 40.0}}).motion
+    write_trajectory(tmp_path / "runs.parquet", motion.trajectory(np.arange(0.0, 40.0, 0.1)))
+    before = (tmp_path / "runs.parquet").read_bytes()
+    own = tmp_path / "mine.toml"
+    own.write_text(
+        '[motion]\nvehicle = "track"\nfile = "runs.parquet"\n[imu]\nrate_hz = 20.0\n[gnss]\nposition_sd_m = 1.0\n',
+        encoding="utf-8",
+    )
+    with pytest.raises(ConfigError, match="runs.parquet is read by this run and would be replaced by it"):
+        montecarlo(recipe_from(own), tmp_path, 2, jobs=1)
+    assert (tmp_path / "runs.parquet").read_bytes() == before
 
 
 def test_a_solution_with_a_hole_is_no_motion(project, tmp_path):

@@ -164,7 +164,7 @@ WRONG = [
     (small() | {"duration_s": 0}, "x: duration_s must be more than 0, not 0"),
     (small() | {"motion": 3}, r"x: \[motion\]: must be a table of keys, not 3"),
     (small() | {"project": {"gnss": 3}}, r"x: \[project\] must hold tables"),
-    (small() | {"one_table": "a/b.csv"}, "x: one_table must name a .csv file without a folder"),
+    (small() | {"one_table": "a/b.csv"}, "x: one_table must name a .csv file of its own without a folder"),
     (small(motion={"vehicle": "tank"}), r"x: \[motion\]: vehicle = 'tank' is none of car, .*"),
     (small(motion={"segmens": 1}), r"x: \[motion\]: unknown key 'segmens'; did you mean segments\?"),
     (small(motion={"segments": None}), r"x: \[motion\]: a car needs either segments or waypoints"),

@@ -7,7 +7,7 @@ import os
 import pickle
 import signal
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
@@ -132,16 +132,17 @@ def _in_processes(recipe: Recipe, seeds: list[int], jobs: int, collected: _Colle
     context = _clean_context()
     stop = context.Event()
     pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin_work, initargs=(stop,))
-    futures = []
+    waiting: set[Future[list[RunRecord | tuple[int, str]]]] = set()
     try:
-        futures = [pool.submit(partial(_run_seeds, recipe), task) for task in tasks]
-        for future in as_completed(futures):
+        waiting.update(pool.submit(partial(_run_seeds, recipe), task) for task in tasks)
+        for future in as_completed(list(waiting)):
+            waiting.discard(future)
             collected.add(future.result())
     except KeyboardInterrupt:
         stop.set()
         pool.shutdown(wait=True, cancel_futures=True)
-        for future in futures:
-            if future.done() and not future.cancelled() and future.exception() is None:
+        for future in waiting:
+            if not future.cancelled() and future.exception() is None:
                 collected.add(future.result())
         raise
     except BrokenProcessPool as error:
