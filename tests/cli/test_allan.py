@@ -40,7 +40,7 @@ def test_everything_is_written(navfuse, log, tmp_path):
     folder = tmp_path / "out"
     code, out, _ = navfuse("allan", log, "-o", folder, "--kind", "oadev,hdev", "--grid", "5")
     assert code == 0
-    assert "allan.json, allan.png, allan.html, imu.toml" in out
+    assert "allan.json, allan.png, allan.html, imu.toml, oadev.csv, hdev.csv" in out
     assert sorted(path.name for path in folder.iterdir()) == [
         "allan.html", "allan.json", "allan.png", "hdev.csv", "imu.toml", "oadev.csv",
     ]  # fmt: skip
@@ -58,6 +58,21 @@ def test_everything_is_written(navfuse, log, tmp_path):
     assert (folder / "oadev.csv").read_text().startswith("tau_s,gyro_x_deviation_dph,gyro_x_low_dph")
     model = model_of_file(folder / "imu.toml")
     assert model.arw == pytest.approx(1e-3, rel=0.02)
+
+
+def test_the_log_is_never_replaced_and_no_table_of_an_earlier_run_stays(navfuse, log, tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    for name in ("oadev.csv", "hdev.csv"):
+        (folder / name).write_text("time_s,gyro_x_dph\n0,1\n")
+        code, out, err = navfuse("allan", folder / name, "-o", folder)
+        assert (code, out) == (1, "")
+        assert f"{name} is read by this run and would be replaced by it" in err
+        assert (folder / name).read_text() == "time_s,gyro_x_dph\n0,1\n"
+    (folder / "notes.csv").write_text("mine")
+    code, _, _ = navfuse("allan", log, "-o", folder, "-q", "--grid", "octave", "--accel", "accel_g")
+    assert code == 0
+    assert sorted(path.name for path in folder.glob("*.csv")) == ["notes.csv", "oadev.csv"]
 
 
 def test_json_and_settings_on_standard_output(navfuse, log):

@@ -97,8 +97,11 @@ def allan(
     turn_on = _turn_on(gyro_turn_on, "gyro"), _turn_on(accel_turn_on, "accel")
     with compilation(quiet), progress(quiet) as tell:
         from navfuse.analysis.allan.study import StudySettings, study
+        from navfuse.io.atomic import refuse_to_replace
         from navfuse.io.static_record import RecordLayout, read_static
 
+        if output is not None:
+            refuse_to_replace([log], output, _names())
         settings = StudySettings(
             kinds=_words(kind),
             grid=grid,
@@ -129,7 +132,15 @@ def allan(
     elif not quiet:
         _print(found)
         if output is not None:
-            print(f"results in {output}: {', '.join(FILES)}")
+            tables = [f"{kind}.csv" for kind in found.settings.kinds]
+            print(f"results in {output}: {', '.join([*FILES, *tables])}")
+
+
+def _names() -> tuple[str, ...]:
+    """Every file that ``-o`` may write, or takes away because an earlier run wrote it."""
+    from navfuse.analysis.allan.deviations import KINDS
+
+    return (*FILES, *(f"{kind}.csv" for kind in KINDS))
 
 
 def _words(text: str) -> tuple[str, ...]:
@@ -164,7 +175,7 @@ def _write(folder: Path, found: AllanStudy, section: str) -> None:
     from navfuse.report.allan_page import write_page
     from navfuse.report.allan_tables import curve_columns, to_dict
 
-    with atomic_folder(folder) as part:
+    with atomic_folder(folder, _names()) as part:
         write_json(part / "allan.json", to_dict(found))
         for kind in found.settings.kinds:
             write_table(part / f"{kind}.csv", curve_columns(found, kind))
