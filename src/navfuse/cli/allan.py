@@ -164,7 +164,9 @@ def _section(found: AllanStudy, turn_on: tuple[float, float]) -> str:
     from navfuse.config.imu_section import imu_section
 
     sensors = [sensor for sensor in ("gyro", "accel") if found.of(sensor)]
-    return imu_section(error_model(found, *turn_on), remarks(found, turn_on), sensors)
+    fields = [noise for noise, sensor in (("arw", "gyro"), ("vrw", "accel")) if sensor in sensors]
+    fields += [f"{sensor}_bias_{part}" for sensor in sensors for part in ("sd", "tau", "walk")]
+    return imu_section(error_model(found, *turn_on), remarks(found, turn_on), fields)
 
 
 def _write(folder: Path, found: AllanStudy, section: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +14,10 @@ from navfuse.config.toml_text import toml_value
 from navfuse.errors import ConfigError
 from navfuse.imu.error_model import DATASHEET_UNITS, ImuErrorModel
 
-SENSORS = {"arw": "gyro", "vrw": "accel"}
 _DIGITS = 4
 
 
-def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), sensors: Sequence[str] = ("gyro", "accel")) -> str:
+def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), fields: Collection[str] | None = None) -> str:
     """The table ``[imu]`` with the noise of a sensor, ready to be pasted into a project file.
 
     Parameters
@@ -26,14 +25,15 @@ def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), sensors: Seq
     model : ImuErrorModel
     comments : sequence of str
         Lines that are put before the keys.
-    sensors : sequence of {"gyro", "accel"}
-        Whose keys to write: those that the model knows something of.
+    fields : collection of str, optional
+        Fields of the model to write: those that something is known of. What is not written stays as the grade of the
+        project says; a zero that stands for "not known" would override it. All of them by default.
 
     Returns
     -------
     str
-        TOML. Numbers have four digits. Scale factors and cross-coupling are written where they are not zero, everything
-        else always.
+        TOML. Numbers have four digits. Scale factors and cross-coupling are written where they are not zero, a bias
+        walk where the correlation time is infinite, everything else always.
     """
     lines = ["[imu]", *(f"# {comment}" for comment in comments)]
     seen: set[str] = set()
@@ -41,7 +41,7 @@ def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), sensors: Seq
         if name in seen:
             continue
         seen.add(name)
-        if SENSORS.get(name, name.split("_")[0]) not in sensors:
+        if fields is not None and name not in fields:
             continue
         value = np.asarray(getattr(model, name), dtype=float) / factor
         size = np.max(np.abs(value))

@@ -120,6 +120,32 @@ def from_sheet(figures: Mapping[str, str], reading: SheetReading | None = None) 
     return ImuErrorModel(source=source, **fields), formulas
 
 
+def sheet_fields(figures: Mapping[str, str]) -> list[str]:
+    """Fields of the error model that figures of a data sheet say something of; of the others the sheet is silent.
+
+    Parameters
+    ----------
+    figures : mapping
+        As :func:`from_sheet`.
+
+    Returns
+    -------
+    list of str
+        The walk is among them where an in-run bias beside a turn-on bias becomes one.
+    """
+    fields = []
+    for sensor, noise in zip(SENSORS, ("arw", "vrw"), strict=True):
+        in_run, walk, turn_on = (f"{sensor}_{entry}" in figures for entry in ("bias", "walk", "turn_on"))
+        known = {
+            noise: f"{sensor}_noise" in figures,
+            f"{sensor}_bias_sd": in_run or turn_on,
+            f"{sensor}_bias_tau": in_run,
+            f"{sensor}_bias_walk": walk or (in_run and turn_on),
+        }
+        fields += [name for name, given in known.items() if given]
+    return fields
+
+
 def _figure(name: str, text: str, *quantities: str) -> float:
     measure, _ = parse_quantity(text, *quantities, what=f"--{name.replace('_', '-')}")
     if measure.value < 0.0:
@@ -179,6 +205,11 @@ def _bias(sensor: str, values: Mapping[str, float], reading: SheetReading, formu
             f"{_slope_text(sensor, walk)}"
         )
         tau = math.inf
+    if "bias" in values and "turn_on" not in values:
+        formulas.append(
+            f"{sensor}: bias sd is in-run only; the bias at switch-on is not in it: give the repeatability with "
+            f"--{sensor}-turn-on"
+        )
     if turn_on > 0.0:
         formulas.append(
             f"{sensor}: bias sd = sqrt(turn-on^2 + in-run^2) = {_rate_text(sensor, math.hypot(turn_on, sd))}"
