@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from navfuse.config.imu_section import model_of_file
+from navfuse.imu.grades import grade
 
 RATE, G = 50.0, 9.80665
 
@@ -79,12 +80,36 @@ def test_json_and_settings_on_standard_output(navfuse, log):
     code, out, _ = navfuse("allan", log, "--json", "--grid", "octave", "--gyro", "gyro_degps", "--terms", "N,K,sin")
     assert code == 0
     assert json.loads(out)["axes"]["gyro_y"]["terms"]["sin"]["present"] is False
-    code, out, _ = navfuse("allan", log, "--config", "--grid", "octave", "--gyro-turn-on", "0.2 deg/s")
+    code, out, err = navfuse("allan", log, "--config", "--grid", "octave", "--gyro-turn-on", "0.2 deg/s")
     keys = tomllib.loads(out)["imu"]
     assert code == 0
     assert min(np.atleast_1d(keys["gyro_bias_sd_dph"])) > 720.0
     assert keys["gyro_bias_tau_s"] == float("inf")
-    assert "accel_bias_sd: in-run only" in out
+    assert "accel_bias_sd: left to the grade" in out
+    assert not any(key.startswith("accel_bias") for key in keys)
+    assert err.count("the bias at switch-on is not in a record at rest") == 1
+    assert "with --accel-turn-on" in err
+    assert "--gyro-turn-on" not in err
+
+
+def test_without_a_turn_on_figure_the_bias_starts_as_the_grade_says(navfuse, log, tmp_path):
+    code, out, err = navfuse("allan", log, "--config", "--grid", "octave")
+    assert code == 0
+    assert err.count("warning:") == 1
+    assert "--gyro-turn-on and --accel-turn-on" in err
+    keys = tomllib.loads(out)["imu"]
+    assert set(keys) == {"arw_deg_per_sqrt_h", "vrw_mps_per_sqrt_h", "gyro_bias_walk_dph_per_sqrt_h"}
+    assert min(np.atleast_1d(keys["gyro_bias_walk_dph_per_sqrt_h"])) > 0.0
+    (tmp_path / "imu.toml").write_text(out + 'grade = "consumer"\n')
+    model, preset = model_of_file(tmp_path / "imu.toml"), grade("consumer")
+    assert np.all(model.gyro_bias_sd == preset.gyro_bias_sd)
+    assert np.all(model.accel_bias_sd == preset.accel_bias_sd)
+    assert model.accel_bias_tau == preset.accel_bias_tau
+    code, out, err = navfuse(
+        "allan", log, "--config", "--grid", "octave", "--gyro-turn-on", "0.2 deg/s", "--accel-turn-on", "16 mg"
+    )
+    assert (code, err) == (0, "")
+    assert tomllib.loads(out)["imu"]["accel_bias_sd_mg"] == 16.0
 
 
 def test_one_sensor_alone(navfuse, log):

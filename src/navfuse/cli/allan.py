@@ -96,6 +96,7 @@ def allan(
         raise ConfigError("--config and --json both print to standard output; give one of them")
     turn_on = _turn_on(gyro_turn_on, "gyro"), _turn_on(accel_turn_on, "accel")
     with compilation(quiet), progress(quiet) as tell:
+        from navfuse.analysis.allan.settings import missing_turn_on
         from navfuse.analysis.allan.study import StudySettings, study
         from navfuse.io.atomic import refuse_to_replace
         from navfuse.io.static_record import RecordLayout, read_static
@@ -116,6 +117,8 @@ def allan(
         layout = RecordLayout(gyro, accel, gyro_unit, accel_unit, time, rate, skip_rows)
         found = study(read_static(log, layout), settings, tell)
     for text in found.warnings:
+        warnings.warn(text, NavfuseWarning, stacklevel=1)
+    if (config or output is not None) and (text := missing_turn_on(found, turn_on)):
         warnings.warn(text, NavfuseWarning, stacklevel=1)
     section = _section(found, turn_on)
     if output is not None:
@@ -147,9 +150,9 @@ def _words(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
 
 
-def _turn_on(text: str, sensor: str) -> float:
+def _turn_on(text: str, sensor: str) -> float | None:
     if not text:
-        return 0.0
+        return None
     from navfuse.io.unit_text import parse_quantity
 
     quantity = "angular rate" if sensor == "gyro" else "acceleration"
@@ -159,14 +162,12 @@ def _turn_on(text: str, sensor: str) -> float:
     return value
 
 
-def _section(found: AllanStudy, turn_on: tuple[float, float]) -> str:
-    from navfuse.analysis.allan.settings import error_model, remarks
+def _section(found: AllanStudy, turn_on: tuple[float | None, float | None]) -> str:
+    from navfuse.analysis.allan.settings import filter_settings, remarks
     from navfuse.config.imu_section import imu_section
 
-    sensors = [sensor for sensor in ("gyro", "accel") if found.of(sensor)]
-    fields = [noise for noise, sensor in (("arw", "gyro"), ("vrw", "accel")) if sensor in sensors]
-    fields += [f"{sensor}_bias_{part}" for sensor in sensors for part in ("sd", "tau", "walk")]
-    return imu_section(error_model(found, *turn_on), remarks(found, turn_on), fields)
+    model, fields = filter_settings(found, *turn_on)
+    return imu_section(model, remarks(found, turn_on), fields)
 
 
 def _write(folder: Path, found: AllanStudy, section: str) -> None:
