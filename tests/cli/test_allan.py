@@ -143,6 +143,13 @@ def test_warnings_reach_the_terminal(navfuse, tmp_path):
         (["--gyro", "gyro_degps", "--gyro-unit", "furlong"], "unknown unit 'furlong'"),
         (["--from-s", "700"], "is not in the record, which is 600 s long"),
         (["--until-s", "2"], "100 samples are too short a record"),
+        (["--accel-turn-on", "1e308 g"], "is beyond any sensor"),
+        (["--until-s", "inf"], "until_s = inf must be a finite number"),
+        (["--from-s", "1e308"], "is not in the record"),
+        (["--longest-s", "nan"], "longest = nan must be a finite number of seconds > 0"),
+        (["--longest-s", "0"], "longest = 0.0 must be a finite number of seconds > 0"),
+        (["--longest-s", "0.001"], "shorter than the sampling interval, 0.02 s"),
+        (["--horizon-s", "inf"], "horizon = inf must be"),
         (["--longest-s", "500"], "needs a record of twice that"),
         (["--horizon-s", "0"], "horizon = 0.0 must be"),
     ],
@@ -172,6 +179,40 @@ def test_bad_logs(navfuse, tmp_path):
     code, _, err = navfuse("allan", tmp_path / "none.csv")
     assert code == 1
     assert "there is no such file" in err
+
+
+@pytest.mark.parametrize("rate", ["1e-300", "1e300"])
+def test_a_rate_of_no_sensor(navfuse, tmp_path, rate):
+    np.savez(tmp_path / "log.npz", gyro_dph=np.random.default_rng(3).standard_normal((2000, 3)))
+    code, out, err = navfuse("allan", tmp_path / "log.npz", "-q", "--rate", rate)
+    assert (code, out) == (1, "")
+    assert "Hz is none of a sensor" in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00" * 300, b"junk" * 100, bytes(range(256)) * 4])
+@pytest.mark.parametrize("extension", [".mat", ".npz"])
+def test_a_file_of_arrays_that_is_none(navfuse, tmp_path, extension, content):
+    path = tmp_path / f"log{extension}"
+    path.write_bytes(content)
+    code, out, err = navfuse("allan", path, "-q", "--gyro", "w", "--gyro-unit", "deg/s", "--rate", "100")
+    assert (code, out) == (1, "")
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+
+
+def test_a_damaged_mat_file(navfuse, tmp_path):
+    from scipy.io import savemat
+
+    path = tmp_path / "log.mat"
+    savemat(path, {"w": np.random.default_rng(3).standard_normal((2000, 3))}, do_compression=True)
+    whole = path.read_bytes()
+    for damaged in (whole[:2000], whole[:130], whole[:200] + bytes(50) + whole[250:]):
+        path.write_bytes(damaged)
+        code, _, err = navfuse("allan", path, "-q", "--gyro", "w", "--gyro-unit", "deg/s", "--rate", "100")
+        assert code == 1
+        assert "not a readable .mat file" in err
+        assert err.count("\n") == 1
 
 
 def test_the_static_record_of_the_manual(navfuse, shared_data):

@@ -66,6 +66,8 @@ def test_settings_to_data_sheet(navfuse, tmp_path):
         (["--grade", "tactical", "--gyro-noise", "1 deg/sqrt(h)"], "give figures of a data sheet"),
         (["--grade", "tactial"], "did you mean 'tactical'"),
         (["--gyro-noise", "1 deg/sqrt(parsec)"], "unknown unit 'parsec'"),
+        (["--gyro-bias", "1e308 deg/s"], "--gyro-bias = '1e308 deg/s' is beyond any sensor"),
+        (["--accel-noise", "1e308 g/sqrt(Hz)"], "is beyond any sensor"),
         (["--gyro-noise", "0.1 deg/s"], "needs --bandwidth"),
         (["--gyro-noise", "0.1 deg/s", "--bandwidth", "3 s"], "'s' is a unit of time; wanted is frequency"),
         (["--gyro-bias", "1 deg/h", "--tau", "5"], "the unit is missing"),

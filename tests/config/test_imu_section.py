@@ -35,6 +35,14 @@ def test_everything_is_written_by_default_and_nothing_if_nothing_is_known():
     assert imu_section(ImuErrorModel(), fields=[]) == "[imu]\n"
 
 
+def test_a_comment_of_several_lines_stays_a_comment():
+    text = imu_section(grade("tactical"), ["from a\nb = 1\r\n[c]\u2028d = 2\x1b[0m\x00\udc80.npz"], ["arw"])
+    assert list(tomllib.loads(text)) == ["imu"]
+    assert list(tomllib.loads(text)["imu"]) == ["arw_deg_per_sqrt_h"]
+    assert "# b = 1\n# [c]\n# d = 2?[0m??.npz\n" in text
+    assert text.encode()
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

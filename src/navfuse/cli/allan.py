@@ -153,12 +153,15 @@ def _words(text: str) -> tuple[str, ...]:
 def _turn_on(text: str, sensor: str) -> float | None:
     if not text:
         return None
+    from navfuse.imu.datasheet import LARGEST
     from navfuse.io.unit_text import parse_quantity
 
     quantity = "angular rate" if sensor == "gyro" else "acceleration"
     value = parse_quantity(text, quantity, what=f"--{sensor}-turn-on")[0].value
     if value < 0.0:
         raise ConfigError(f"--{sensor}-turn-on = {text!r} must not be negative")
+    if not value < LARGEST:
+        raise ConfigError(f"--{sensor}-turn-on = {text!r} is beyond any sensor; check number and unit")
     return value
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import tomllib
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -24,7 +25,7 @@ def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), fields: Coll
     ----------
     model : ImuErrorModel
     comments : sequence of str
-        Lines that are put before the keys.
+        Remarks that are put before the keys; each line of them becomes a comment.
     fields : collection of str, optional
         Fields of the model to write: those that something is known of. What is not written stays as the grade of the
         project says; a zero that stands for "not known" would override it. All of them by default.
@@ -35,7 +36,7 @@ def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), fields: Coll
         TOML. Numbers have four digits. Scale factors and cross-coupling are written where they are not zero, a bias
         walk where the correlation time is infinite, everything else always.
     """
-    lines = ["[imu]", *(f"# {comment}" for comment in comments)]
+    lines = ["[imu]", *(f"# {line}" for comment in comments for line in _comment_lines(comment))]
     seen: set[str] = set()
     for key, (name, factor) in DATASHEET_UNITS.items():
         if name in seen:
@@ -53,6 +54,11 @@ def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), fields: Coll
             value = value[0]
         lines.append(f"{key} = {toml_value(_rounded(value))}")
     return "\n".join(lines) + "\n"
+
+
+def _comment_lines(text: str) -> list[str]:
+    """Lines of a text, with ``?`` for what may not stand in a comment of TOML: control characters, half surrogates."""
+    return [re.sub(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]", "?", line) for line in text.splitlines()]
 
 
 def _rounded(value: np.ndarray | float) -> float | list[float]:

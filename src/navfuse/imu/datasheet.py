@@ -35,6 +35,9 @@ PEAK = 0.6174
 NOISE_BANDWIDTH = {1: math.pi / 2.0, 2: math.pi / (2.0 * math.sqrt(2.0)), 3: math.pi / 3.0, 4: 1.0262}
 """Order of a Butterworth filter -> its noise bandwidth over its -3 dB bandwidth."""
 
+LARGEST = 1e6
+"""No figure of a sensor is larger, in SI units: a million rad/s or m/s^2."""
+
 SENSORS = ("gyro", "accel")
 ENTRIES: dict[str, tuple[str, str]] = {
     "noise": ("angle random walk", "velocity random walk"),
@@ -96,7 +99,7 @@ def from_sheet(figures: Mapping[str, str], reading: SheetReading | None = None) 
     Raises
     ------
     ConfigError
-        For an unknown entry or unit, a negative figure, or an rms noise without bandwidth.
+        For an unknown entry or unit, a negative or absurdly large figure, or an rms noise without bandwidth.
     """
     reading = reading or SheetReading()
     known = [f"{sensor}_{entry}" for sensor in SENSORS for entry in ENTRIES]
@@ -150,6 +153,8 @@ def _figure(name: str, text: str, *quantities: str) -> float:
     measure, _ = parse_quantity(text, *quantities, what=f"--{name.replace('_', '-')}")
     if measure.value < 0.0:
         raise ConfigError(f"--{name.replace('_', '-')} = {text!r} must not be negative")
+    if not measure.value < LARGEST:
+        raise ConfigError(f"--{name.replace('_', '-')} = {text!r} is beyond any sensor; check number and unit")
     return measure.value
 
 

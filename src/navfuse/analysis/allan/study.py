@@ -22,6 +22,9 @@ Array = np.ndarray
 MOST_MOVING = 0.5
 """Share of a record in motion beyond which it is refused."""
 
+_FAR = 1e15
+"""Samples; more than any record has."""
+
 DEFAULT_TERMS = ("Q", "N", "B", "K", "R")
 
 
@@ -191,6 +194,11 @@ def study(
             f"{part.source}: an averaging time of {settings.longest_s:g} s needs a record of twice that; there are "
             f"{(rest.end - rest.begin) / part.rate:.6g} s at rest"
         )
+    if settings.longest_s is not None and settings.longest_s * part.rate < 1.0:
+        raise InputError(
+            f"{part.source}: a longest averaging time of {settings.longest_s:g} s is shorter than the sampling "
+            f"interval, {1.0 / part.rate:.6g} s"
+        )
     axes = []
     for k, channel in enumerate(used.channels):
         axes.append(_axis(used, channel, settings))
@@ -212,14 +220,20 @@ def _check_settings(settings: StudySettings) -> None:
         raise ConfigError(f"unknown deviation {', '.join(unknown) or '(none)'}: known are {', '.join(KINDS)}")
     if not 0.0 < settings.level < 1.0:
         raise ConfigError(f"level = {settings.level} must be a probability between 0 and 1")
-    if not settings.horizon_s > 0.0:
-        raise ConfigError(f"horizon = {settings.horizon_s} must be a number of seconds > 0")
+    for name in ("horizon_s", "longest_s"):
+        value = getattr(settings, name)
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise ConfigError(f"{name.removesuffix('_s')} = {value} must be a finite number of seconds > 0")
+    for name in ("from_s", "until_s"):
+        value = getattr(settings, name)
+        if value is not None and not (math.isfinite(value) and value >= 0.0):
+            raise ConfigError(f"{name} = {value} must be a finite number of seconds, 0 or more")
 
 
 def _part(record: StaticRecord, settings: StudySettings) -> StaticRecord:
     size = record.channels[0].values.size
-    begin = 0 if settings.from_s is None else round(settings.from_s * record.rate)
-    end = size if settings.until_s is None else round(settings.until_s * record.rate)
+    begin = 0 if settings.from_s is None else round(min(settings.from_s * record.rate, _FAR))
+    end = size if settings.until_s is None else round(min(settings.until_s * record.rate, _FAR))
     if not 0 <= begin < min(end, size):
         raise InputError(
             f"{record.source}: the part from {begin / record.rate:g} to {end / record.rate:g} s is not in the record, "
