@@ -1,13 +1,16 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 
 import numpy as np
 import pytest
 
+from navfuse.analysis.allan.terms import Term
 from navfuse.config.imu_section import model_of_file
 from navfuse.imu.grades import grade
+from navfuse.report.allan_tables import term_dict
 
 RATE, G = 50.0, 9.80665
 
@@ -35,6 +38,7 @@ def test_table(navfuse, log):
     assert "deg/s/sqrt(Hz)" in out
     assert "not seen" in out
     assert "0.664 B" in out
+    assert "(95 %)" in out
 
 
 def test_everything_is_written(navfuse, log, tmp_path):
@@ -54,11 +58,23 @@ def test_everything_is_written(navfuse, log, tmp_path):
     assert term["value_degps_per_sqrt_hz"] == pytest.approx(np.degrees(1e-3), rel=0.02)
     assert 0.0 < term["sigma_degps_per_sqrt_hz"] < 0.01 * term["value_degps_per_sqrt_hz"]
     assert found["axes"]["gyro_x"]["terms"]["K"]["present"]
+    absent = found["axes"]["accel_x"]["terms"]["K"]
+    assert absent["below_probability"] in (0.95, 0.999)
+    assert absent["contradicted"] is False
+    assert 0.0 < absent["below_ug_per_sqrt_h"] < math.inf
     curve = found["axes"]["accel_z"]["deviations"]["hdev"]
     assert len(curve["tau_s"]) == len(curve["low_ug"]) == len(curve["edf"])
     assert (folder / "oadev.csv").read_text().startswith("tau_s,gyro_x_deviation_dph,gyro_x_low_dph")
     model = model_of_file(folder / "imu.toml")
     assert model.arw == pytest.approx(1e-3, rel=0.02)
+
+
+def test_a_term_that_the_deviation_contradicts_says_so():
+    entry = term_dict(Term("B", False, limit=math.radians(1.0) / 3600.0, limit_level=0.999, contradicted=True), "gyro")
+    assert entry["contradicted"] is True
+    assert entry["below_probability"] == 0.999
+    assert entry["below_dph"] == pytest.approx(1.0)
+    assert not any("95" in key for key in entry)
 
 
 def test_the_log_is_never_replaced_and_no_table_of_an_earlier_run_stays(navfuse, log, tmp_path):
@@ -221,6 +237,8 @@ def test_the_static_record_of_the_manual(navfuse, shared_data):
     assert code == 0
     assert "no sum of the terms fits the whole spectrum" in err
     axes = json.loads(out)["axes"]
+    absent = [term for axis in axes.values() for term in axis["terms"].values() if not term["present"]]
+    assert {term["below_probability"] for term in absent} == {0.95}
     for axis in axes.values():
         assert axis["terms"]["N"]["value_degps_per_sqrt_hz"] == pytest.approx(0.04, abs=0.004)
         assert axis["resolution_dph"] == pytest.approx(180.0, rel=1e-3)

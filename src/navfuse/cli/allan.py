@@ -213,6 +213,7 @@ def _print(found: AllanStudy) -> None:
         before = axis
     console.print(table)
     console.print(
-        f"{FLOOR_NOTE}. Values with one standard deviation; what is not seen stays below the limit (95 %).",
+        f"{FLOOR_NOTE}. Values with one standard deviation; what is not seen stays below the limit, with the "
+        "probability beside it.",
         markup=False,
     )
