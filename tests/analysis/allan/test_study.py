@@ -225,6 +225,26 @@ def test_turn_on_makes_a_walk():
     assert known.axes("gyro_bias_sd") == pytest.approx(started.axes("gyro_bias_sd"))
 
 
+def test_a_term_that_needs_a_longer_record_is_told_and_kept_out():
+    rng = np.random.default_rng(5)
+    walk = 1e-4 * np.cumsum(rng.standard_normal(20_000)) / math.sqrt(RATE)
+    values = 1e-3 * rng.standard_normal(20_000)
+    record = dataclasses.replace(still(), channels=(Channel("gyro x", "gyro", values + walk),))
+    found = study(record, StudySettings(grid="octave", terms=("N", "K")))
+    assert found.gyro is not None
+    axis = found.axes[0]
+    assert axis.identification.term("K").least_span < found.span
+    assert not any("[imu]" in text for text in found.warnings)
+    short = study(record.between(0, 1500), StudySettings(grid="octave", terms=("N", "K")))
+    term = short.axes[0].identification.term("K")
+    assert term.present
+    assert term.least_span > short.span
+    (text,) = [text for text in short.warnings if "[imu]" in text]
+    assert text.startswith("log.csv: gyro x: K is uncertain by more than a quarter: the record of 30 s is shorter than")
+    assert short.gyro is None
+    assert filter_settings(short)[1] == ["arw"]
+
+
 def test_an_axis_without_a_visible_bias_takes_the_largest_of_the_others():
     found = study(still(), StudySettings(grid="octave", terms=("N",)))
     model = BiasModel((1e-5, 0.0, 2e-5), math.inf, (1e-6, 0.0, 2e-6), 0.1, (1.0, 100.0))

@@ -78,6 +78,10 @@ class Identification:
         """The first term of this name."""
         return next(term for term in self.terms if term.name == name)
 
+    def too_short(self, term: Term) -> bool:
+        """Whether the record is shorter than a term needs to be known to a quarter of its value."""
+        return term.present and term.least_span > self.span
+
     def allan_variance(self, tau: Array, name: str | None = None) -> Array:
         """Allan variance of the fitted model, or of one of its terms (NaN if absent)."""
         parts = [term for term in self.terms if term.present and name in (None, term.name)]

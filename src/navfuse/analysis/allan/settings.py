@@ -113,8 +113,8 @@ def missing_turn_on(study: AllanStudy, turn_on: tuple[float | None, float | None
         return ""
     keys = " and ".join(f"{sensor}_bias_sd" for sensor in without)
     return (
-        f"{study.source}: the bias at switch-on is not in a record at rest: {keys} is left to the grade of the "
-        f"project; give the data sheet's repeatability with {' and '.join(f'--{sensor}-turn-on' for sensor in without)}"
+        f"{study.source}: the bias at switch-on is not in a record at rest: the grade of the project keeps "
+        f"{keys}; give the data sheet's repeatability with {' and '.join(f'--{sensor}-turn-on' for sensor in without)}"
     )
 
 

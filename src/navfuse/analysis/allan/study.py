@@ -143,11 +143,14 @@ class AllanStudy:
     def white(self, sensor: str) -> float:
         """Root mean square over the axes of the random walk coefficient N, or of its limit where it is not seen.
 
-        NaN where the record has no such sensor, or N was not looked for.
+        Axes whose record is too short for N do not count. NaN where the record has no such sensor, or N was not looked
+        for, or no axis tells.
         """
-        terms = [t for axis in self.of(sensor) for t in axis.identification.terms if t.name == "N"]
-        values = [t.value if t.present else t.limit for t in terms]
-        return float(np.sqrt(np.mean(np.square(values)))) if values else math.nan
+        found = [axis.identification for axis in self.of(sensor)]
+        terms = [t for one in found for t in one.terms if t.name == "N" and not one.too_short(t)]
+        values = np.array([t.value if t.present else t.limit for t in terms])
+        values = values[np.isfinite(values)]
+        return float(np.sqrt(np.mean(np.square(values)))) if values.size else math.nan
 
 
 def study(
@@ -338,6 +341,12 @@ def _oddities(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> 
     if check.saturated:
         notes.append(f"{source}: {name}: {check.saturated} samples stand at the end of the range: it is saturated")
     found = axis.identification
+    notes += [
+        f"{source}: {name}: {term.name} is uncertain by more than a quarter: the record of {found.span:.6g} s is "
+        f"shorter than the {term.least_span:.6g} s that it needs; it is not used for [imu]"
+        for term in found.terms
+        if found.too_short(term)
+    ]
     if found.misfit > 0.0:
         above = "" if math.isinf(found.highest) else f" above {found.highest:.3g} Hz and"
         notes.append(
@@ -385,4 +394,5 @@ def _bias(axes: Sequence[AxisStudy], sensor: str, span: float, horizon: float) -
 
 
 def _has(found: Identification, name: str) -> bool:
-    return any(term.name == name and term.present for term in found.terms)
+    """Whether a term is seen, in a record long enough to take it for a setting."""
+    return any(term.name == name and term.present and not found.too_short(term) for term in found.terms)
