@@ -1,12 +1,16 @@
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 
 import numpy as np
 import pytest
 
+from navfuse.analysis.allan.terms import Term
 from navfuse.config.imu_section import model_of_file
+from navfuse.imu.grades import grade
+from navfuse.report.allan_tables import term_dict
 
 RATE, G = 50.0, 9.80665
 
@@ -34,13 +38,14 @@ def test_table(navfuse, log):
     assert "deg/s/sqrt(Hz)" in out
     assert "not seen" in out
     assert "0.664 B" in out
+    assert "(95 %)" in out
 
 
 def test_everything_is_written(navfuse, log, tmp_path):
     folder = tmp_path / "out"
     code, out, _ = navfuse("allan", log, "-o", folder, "--kind", "oadev,hdev", "--grid", "5")
     assert code == 0
-    assert "allan.json, allan.png, allan.html, imu.toml" in out
+    assert "allan.json, allan.png, allan.html, imu.toml, oadev.csv, hdev.csv" in out
     assert sorted(path.name for path in folder.iterdir()) == [
         "allan.html", "allan.json", "allan.png", "hdev.csv", "imu.toml", "oadev.csv",
     ]  # fmt: skip
@@ -53,6 +58,10 @@ def test_everything_is_written(navfuse, log, tmp_path):
     assert term["value_degps_per_sqrt_hz"] == pytest.approx(np.degrees(1e-3), rel=0.02)
     assert 0.0 < term["sigma_degps_per_sqrt_hz"] < 0.01 * term["value_degps_per_sqrt_hz"]
     assert found["axes"]["gyro_x"]["terms"]["K"]["present"]
+    absent = found["axes"]["accel_x"]["terms"]["K"]
+    assert absent["below_probability"] in (0.95, 0.999)
+    assert absent["contradicted"] is False
+    assert 0.0 < absent["below_ug_per_sqrt_h"] < math.inf
     curve = found["axes"]["accel_z"]["deviations"]["hdev"]
     assert len(curve["tau_s"]) == len(curve["low_ug"]) == len(curve["edf"])
     assert (folder / "oadev.csv").read_text().startswith("tau_s,gyro_x_deviation_dph,gyro_x_low_dph")
@@ -60,16 +69,63 @@ def test_everything_is_written(navfuse, log, tmp_path):
     assert model.arw == pytest.approx(1e-3, rel=0.02)
 
 
+def test_a_term_that_the_deviation_contradicts_says_so():
+    entry = term_dict(Term("B", False, limit=math.radians(1.0) / 3600.0, limit_level=0.999, contradicted=True), "gyro")
+    assert entry["contradicted"] is True
+    assert entry["below_probability"] == 0.999
+    assert entry["below_dph"] == pytest.approx(1.0)
+    assert not any("95" in key for key in entry)
+
+
+def test_the_log_is_never_replaced_and_no_table_of_an_earlier_run_stays(navfuse, log, tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    for name in ("oadev.csv", "hdev.csv"):
+        (folder / name).write_text("time_s,gyro_x_dph\n0,1\n")
+        code, out, err = navfuse("allan", folder / name, "-o", folder)
+        assert (code, out) == (1, "")
+        assert f"{name} is read by this run and would be replaced by it" in err
+        assert (folder / name).read_text() == "time_s,gyro_x_dph\n0,1\n"
+    (folder / "notes.csv").write_text("mine")
+    code, _, _ = navfuse("allan", log, "-o", folder, "-q", "--grid", "octave", "--accel", "accel_g")
+    assert code == 0
+    assert sorted(path.name for path in folder.glob("*.csv")) == ["notes.csv", "oadev.csv"]
+
+
 def test_json_and_settings_on_standard_output(navfuse, log):
     code, out, _ = navfuse("allan", log, "--json", "--grid", "octave", "--gyro", "gyro_degps", "--terms", "N,K,sin")
     assert code == 0
     assert json.loads(out)["axes"]["gyro_y"]["terms"]["sin"]["present"] is False
-    code, out, _ = navfuse("allan", log, "--config", "--grid", "octave", "--gyro-turn-on", "0.2 deg/s")
+    code, out, err = navfuse("allan", log, "--config", "--grid", "octave", "--gyro-turn-on", "0.2 deg/s")
     keys = tomllib.loads(out)["imu"]
     assert code == 0
     assert min(np.atleast_1d(keys["gyro_bias_sd_dph"])) > 720.0
     assert keys["gyro_bias_tau_s"] == float("inf")
-    assert "accel_bias_sd: in-run only" in out
+    assert "accel_bias_sd: left to the grade" in out
+    assert not any(key.startswith("accel_bias") for key in keys)
+    assert err.count("the bias at switch-on is not in a record at rest") == 1
+    assert "with --accel-turn-on" in err
+    assert "--gyro-turn-on" not in err
+
+
+def test_without_a_turn_on_figure_the_bias_starts_as_the_grade_says(navfuse, log, tmp_path):
+    code, out, err = navfuse("allan", log, "--config", "--grid", "octave")
+    assert code == 0
+    assert err.count("warning:") == 1
+    assert "--gyro-turn-on and --accel-turn-on" in err
+    keys = tomllib.loads(out)["imu"]
+    assert set(keys) == {"arw_deg_per_sqrt_h", "vrw_mps_per_sqrt_h", "gyro_bias_walk_dph_per_sqrt_h"}
+    assert min(np.atleast_1d(keys["gyro_bias_walk_dph_per_sqrt_h"])) > 0.0
+    (tmp_path / "imu.toml").write_text(out + 'grade = "consumer"\n')
+    model, preset = model_of_file(tmp_path / "imu.toml"), grade("consumer")
+    assert np.all(model.gyro_bias_sd == preset.gyro_bias_sd)
+    assert np.all(model.accel_bias_sd == preset.accel_bias_sd)
+    assert model.accel_bias_tau == preset.accel_bias_tau
+    code, out, err = navfuse(
+        "allan", log, "--config", "--grid", "octave", "--gyro-turn-on", "0.2 deg/s", "--accel-turn-on", "16 mg"
+    )
+    assert (code, err) == (0, "")
+    assert tomllib.loads(out)["imu"]["accel_bias_sd_mg"] == 16.0
 
 
 def test_one_sensor_alone(navfuse, log):
@@ -103,6 +159,13 @@ def test_warnings_reach_the_terminal(navfuse, tmp_path):
         (["--gyro", "gyro_degps", "--gyro-unit", "furlong"], "unknown unit 'furlong'"),
         (["--from-s", "700"], "is not in the record, which is 600 s long"),
         (["--until-s", "2"], "100 samples are too short a record"),
+        (["--accel-turn-on", "1e308 g"], "is beyond any sensor"),
+        (["--until-s", "inf"], "until_s = inf must be a finite number"),
+        (["--from-s", "1e308"], "is not in the record"),
+        (["--longest-s", "nan"], "longest = nan must be a finite number of seconds > 0"),
+        (["--longest-s", "0"], "longest = 0.0 must be a finite number of seconds > 0"),
+        (["--longest-s", "0.001"], "shorter than the sampling interval, 0.02 s"),
+        (["--horizon-s", "inf"], "horizon = inf must be"),
         (["--longest-s", "500"], "needs a record of twice that"),
         (["--horizon-s", "0"], "horizon = 0.0 must be"),
     ],
@@ -134,12 +197,48 @@ def test_bad_logs(navfuse, tmp_path):
     assert "there is no such file" in err
 
 
+@pytest.mark.parametrize("rate", ["1e-300", "1e300"])
+def test_a_rate_of_no_sensor(navfuse, tmp_path, rate):
+    np.savez(tmp_path / "log.npz", gyro_dph=np.random.default_rng(3).standard_normal((2000, 3)))
+    code, out, err = navfuse("allan", tmp_path / "log.npz", "-q", "--rate", rate)
+    assert (code, out) == (1, "")
+    assert "Hz is none of a sensor" in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00" * 300, b"junk" * 100, bytes(range(256)) * 4])
+@pytest.mark.parametrize("extension", [".mat", ".npz"])
+def test_a_file_of_arrays_that_is_none(navfuse, tmp_path, extension, content):
+    path = tmp_path / f"log{extension}"
+    path.write_bytes(content)
+    code, out, err = navfuse("allan", path, "-q", "--gyro", "w", "--gyro-unit", "deg/s", "--rate", "100")
+    assert (code, out) == (1, "")
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+
+
+def test_a_damaged_mat_file(navfuse, tmp_path):
+    from scipy.io import savemat
+
+    path = tmp_path / "log.mat"
+    savemat(path, {"w": np.random.default_rng(3).standard_normal((2000, 3))}, do_compression=True)
+    whole = path.read_bytes()
+    for damaged in (whole[:2000], whole[:130], whole[:200] + bytes(50) + whole[250:]):
+        path.write_bytes(damaged)
+        code, _, err = navfuse("allan", path, "-q", "--gyro", "w", "--gyro-unit", "deg/s", "--rate", "100")
+        assert code == 1
+        assert "not a readable .mat file" in err
+        assert err.count("\n") == 1
+
+
 def test_the_static_record_of_the_manual(navfuse, shared_data):
     path = shared_data / "adis16405-static" / "adis_16405_imu1.npz"
     code, out, err = navfuse("allan", path, "--json", "--grid", "octave", "--gyro", "gyro_degps")
     assert code == 0
     assert "no sum of the terms fits the whole spectrum" in err
     axes = json.loads(out)["axes"]
+    absent = [term for axis in axes.values() for term in axis["terms"].values() if not term["present"]]
+    assert {term["below_probability"] for term in absent} == {0.95}
     for axis in axes.values():
         assert axis["terms"]["N"]["value_degps_per_sqrt_hz"] == pytest.approx(0.04, abs=0.004)
         assert axis["resolution_dph"] == pytest.approx(180.0, rel=1e-3)

@@ -2,7 +2,12 @@ from __future__ import annotations
 
 import tomllib
 
+import numpy as np
 import pytest
+
+from navfuse.config.imu_section import model_of_file
+from navfuse.imu.error_model import DATASHEET_UNITS
+from navfuse.imu.grades import grade
 
 
 def test_data_sheet_to_settings(navfuse):
@@ -14,6 +19,32 @@ def test_data_sheet_to_settings(navfuse):
         "gyro_bias_sd_dph": 9.718,
         "gyro_bias_tau_s": 3600.0,
     }
+
+
+@pytest.mark.parametrize(
+    ("options", "keys"),
+    [
+        (["--gyro-noise", "0.3 deg/sqrt(h)"], {"arw_deg_per_sqrt_h"}),
+        (["--accel-walk", "60 ug/sqrt(h)"], {"accel_bias_walk_mg_per_sqrt_h"}),
+        (["--gyro-turn-on", "0.2 deg/s"], {"gyro_bias_sd_dph"}),
+        (["--gyro-bias", "6 deg/h"], {"gyro_bias_sd_dph", "gyro_bias_tau_s"}),
+        (
+            ["--accel-bias", "40 ug", "--accel-turn-on", "2 mg"],
+            {"accel_bias_sd_mg", "accel_bias_tau_s", "accel_bias_walk_mg_per_sqrt_h"},
+        ),
+    ],
+)
+def test_what_no_figure_was_given_for_stays_with_the_grade(navfuse, tmp_path, options, keys):
+    code, out, _ = navfuse("noise", *options)
+    assert code == 0
+    assert set(tomllib.loads(out)["imu"]) == keys
+    assert ("in-run only" in out) == (options[0] == "--gyro-bias")
+    (tmp_path / "imu.toml").write_text(out + 'grade = "industrial-mems"\n')
+    model, preset = model_of_file(tmp_path / "imu.toml"), grade("industrial-mems")
+    given = {DATASHEET_UNITS[key][0] for key in keys}
+    for field in {"arw", "vrw", "gyro_bias_sd", "accel_bias_sd"} - given:
+        assert np.all(getattr(model, field) == getattr(preset, field))
+        assert np.all(getattr(model, field) > 0.0)
 
 
 def test_settings_to_data_sheet(navfuse, tmp_path):
@@ -35,6 +66,8 @@ def test_settings_to_data_sheet(navfuse, tmp_path):
         (["--grade", "tactical", "--gyro-noise", "1 deg/sqrt(h)"], "give figures of a data sheet"),
         (["--grade", "tactial"], "did you mean 'tactical'"),
         (["--gyro-noise", "1 deg/sqrt(parsec)"], "unknown unit 'parsec'"),
+        (["--gyro-bias", "1e308 deg/s"], "--gyro-bias = '1e308 deg/s' is beyond any sensor"),
+        (["--accel-noise", "1e308 g/sqrt(Hz)"], "is beyond any sensor"),
         (["--gyro-noise", "0.1 deg/s"], "needs --bandwidth"),
         (["--gyro-noise", "0.1 deg/s", "--bandwidth", "3 s"], "'s' is a unit of time; wanted is frequency"),
         (["--gyro-bias", "1 deg/h", "--tau", "5"], "the unit is missing"),

@@ -96,9 +96,13 @@ def allan(
         raise ConfigError("--config and --json both print to standard output; give one of them")
     turn_on = _turn_on(gyro_turn_on, "gyro"), _turn_on(accel_turn_on, "accel")
     with compilation(quiet), progress(quiet) as tell:
+        from navfuse.analysis.allan.settings import missing_turn_on
         from navfuse.analysis.allan.study import StudySettings, study
+        from navfuse.io.atomic import refuse_to_replace
         from navfuse.io.static_record import RecordLayout, read_static
 
+        if output is not None:
+            refuse_to_replace([log], output, _names())
         settings = StudySettings(
             kinds=_words(kind),
             grid=grid,
@@ -113,6 +117,8 @@ def allan(
         layout = RecordLayout(gyro, accel, gyro_unit, accel_unit, time, rate, skip_rows)
         found = study(read_static(log, layout), settings, tell)
     for text in found.warnings:
+        warnings.warn(text, NavfuseWarning, stacklevel=1)
+    if (config or output is not None) and (text := missing_turn_on(found, turn_on)):
         warnings.warn(text, NavfuseWarning, stacklevel=1)
     section = _section(found, turn_on)
     if output is not None:
@@ -129,31 +135,42 @@ def allan(
     elif not quiet:
         _print(found)
         if output is not None:
-            print(f"results in {output}: {', '.join(FILES)}")
+            tables = [f"{kind}.csv" for kind in found.settings.kinds]
+            print(f"results in {output}: {', '.join([*FILES, *tables])}")
+
+
+def _names() -> tuple[str, ...]:
+    """Every file that ``-o`` may write, or takes away because an earlier run wrote it."""
+    from navfuse.analysis.allan.deviations import KINDS
+
+    return (*FILES, *(f"{kind}.csv" for kind in KINDS))
 
 
 def _words(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
 
 
-def _turn_on(text: str, sensor: str) -> float:
+def _turn_on(text: str, sensor: str) -> float | None:
     if not text:
-        return 0.0
+        return None
+    from navfuse.imu.datasheet import LARGEST
     from navfuse.io.unit_text import parse_quantity
 
     quantity = "angular rate" if sensor == "gyro" else "acceleration"
     value = parse_quantity(text, quantity, what=f"--{sensor}-turn-on")[0].value
     if value < 0.0:
         raise ConfigError(f"--{sensor}-turn-on = {text!r} must not be negative")
+    if not value < LARGEST:
+        raise ConfigError(f"--{sensor}-turn-on = {text!r} is beyond any sensor; check number and unit")
     return value
 
 
-def _section(found: AllanStudy, turn_on: tuple[float, float]) -> str:
-    from navfuse.analysis.allan.settings import error_model, remarks
+def _section(found: AllanStudy, turn_on: tuple[float | None, float | None]) -> str:
+    from navfuse.analysis.allan.settings import filter_settings, remarks
     from navfuse.config.imu_section import imu_section
 
-    sensors = [sensor for sensor in ("gyro", "accel") if found.of(sensor)]
-    return imu_section(error_model(found, *turn_on), remarks(found, turn_on), sensors)
+    model, fields = filter_settings(found, *turn_on)
+    return imu_section(model, remarks(found, turn_on), fields)
 
 
 def _write(folder: Path, found: AllanStudy, section: str) -> None:
@@ -164,7 +181,7 @@ def _write(folder: Path, found: AllanStudy, section: str) -> None:
     from navfuse.report.allan_page import write_page
     from navfuse.report.allan_tables import curve_columns, to_dict
 
-    with atomic_folder(folder) as part:
+    with atomic_folder(folder, _names()) as part:
         write_json(part / "allan.json", to_dict(found))
         for kind in found.settings.kinds:
             write_table(part / f"{kind}.csv", curve_columns(found, kind))
@@ -196,6 +213,7 @@ def _print(found: AllanStudy) -> None:
         before = axis
     console.print(table)
     console.print(
-        f"{FLOOR_NOTE}. Values with one standard deviation; what is not seen stays below the limit (95 %).",
+        f"{FLOOR_NOTE}. Values with one standard deviation; what is not seen stays below the limit, with the "
+        "probability beside it.",
         markup=False,
     )

@@ -49,7 +49,7 @@ def noise(
     grade: Annotated[str, typer.Option(help="The other way: figures of a ready-made grade.")] = "",
 ) -> None:
     """Convert between data sheet figures and the [imu] keys of a project file, with the formulas."""
-    from navfuse.imu.datasheet import SheetReading, from_sheet, to_sheet
+    from navfuse.imu.datasheet import SheetReading, from_sheet, sheet_fields, to_sheet
     from navfuse.io.unit_text import parse_quantity
 
     given = {
@@ -76,8 +76,7 @@ def noise(
 
         seconds = parse_quantity(tau, "time", what="--tau")[0].value
         model, formulas = from_sheet(figures, SheetReading(one_sided, coefficient, seconds, width, order))
-        sensors = [sensor for sensor in ("gyro", "accel") if any(name.startswith(sensor) for name in figures)]
-        print(imu_section(model, formulas, sensors), end="")
+        print(imu_section(model, formulas, sheet_fields(figures)), end="")
         return
     from navfuse.config.imu_section import model_of_file
     from navfuse.imu.grades import grade as ready_made

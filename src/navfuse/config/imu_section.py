@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,34 +15,34 @@ from navfuse.config.toml_text import toml_value
 from navfuse.errors import ConfigError
 from navfuse.imu.error_model import DATASHEET_UNITS, ImuErrorModel
 
-SENSORS = {"arw": "gyro", "vrw": "accel"}
 _DIGITS = 4
 
 
-def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), sensors: Sequence[str] = ("gyro", "accel")) -> str:
+def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), fields: Collection[str] | None = None) -> str:
     """The table ``[imu]`` with the noise of a sensor, ready to be pasted into a project file.
 
     Parameters
     ----------
     model : ImuErrorModel
     comments : sequence of str
-        Lines that are put before the keys.
-    sensors : sequence of {"gyro", "accel"}
-        Whose keys to write: those that the model knows something of.
+        Remarks that are put before the keys; each line of them becomes a comment.
+    fields : collection of str, optional
+        Fields of the model to write: those that something is known of. What is not written stays as the grade of the
+        project says; a zero that stands for "not known" would override it. All of them by default.
 
     Returns
     -------
     str
-        TOML. Numbers have four digits. Scale factors and cross-coupling are written where they are not zero, everything
-        else always.
+        TOML. Numbers have four digits. Scale factors and cross-coupling are written where they are not zero, a bias
+        walk where the correlation time is infinite, everything else always.
     """
-    lines = ["[imu]", *(f"# {comment}" for comment in comments)]
+    lines = ["[imu]", *(f"# {line}" for comment in comments for line in _comment_lines(comment))]
     seen: set[str] = set()
     for key, (name, factor) in DATASHEET_UNITS.items():
         if name in seen:
             continue
         seen.add(name)
-        if SENSORS.get(name, name.split("_")[0]) not in sensors:
+        if fields is not None and name not in fields:
             continue
         value = np.asarray(getattr(model, name), dtype=float) / factor
         size = np.max(np.abs(value))
@@ -53,6 +54,11 @@ def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), sensors: Seq
             value = value[0]
         lines.append(f"{key} = {toml_value(_rounded(value))}")
     return "\n".join(lines) + "\n"
+
+
+def _comment_lines(text: str) -> list[str]:
+    """Lines of a text, with ``?`` for what may not stand in a comment of TOML: control characters, half surrogates."""
+    return [re.sub(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]", "?", line) for line in text.splitlines()]
 
 
 def _rounded(value: np.ndarray | float) -> float | list[float]:

@@ -35,6 +35,9 @@ PEAK = 0.6174
 NOISE_BANDWIDTH = {1: math.pi / 2.0, 2: math.pi / (2.0 * math.sqrt(2.0)), 3: math.pi / 3.0, 4: 1.0262}
 """Order of a Butterworth filter -> its noise bandwidth over its -3 dB bandwidth."""
 
+LARGEST = 1e6
+"""No figure of a sensor is larger, in SI units: a million rad/s or m/s^2."""
+
 SENSORS = ("gyro", "accel")
 ENTRIES: dict[str, tuple[str, str]] = {
     "noise": ("angle random walk", "velocity random walk"),
@@ -96,7 +99,7 @@ def from_sheet(figures: Mapping[str, str], reading: SheetReading | None = None) 
     Raises
     ------
     ConfigError
-        For an unknown entry or unit, a negative figure, or an rms noise without bandwidth.
+        For an unknown entry or unit, a negative or absurdly large figure, or an rms noise without bandwidth.
     """
     reading = reading or SheetReading()
     known = [f"{sensor}_{entry}" for sensor in SENSORS for entry in ENTRIES]
@@ -120,10 +123,38 @@ def from_sheet(figures: Mapping[str, str], reading: SheetReading | None = None) 
     return ImuErrorModel(source=source, **fields), formulas
 
 
+def sheet_fields(figures: Mapping[str, str]) -> list[str]:
+    """Fields of the error model that figures of a data sheet say something of; of the others the sheet is silent.
+
+    Parameters
+    ----------
+    figures : mapping
+        As :func:`from_sheet`.
+
+    Returns
+    -------
+    list of str
+        The walk is among them where an in-run bias beside a turn-on bias becomes one.
+    """
+    fields = []
+    for sensor, noise in zip(SENSORS, ("arw", "vrw"), strict=True):
+        in_run, walk, turn_on = (f"{sensor}_{entry}" in figures for entry in ("bias", "walk", "turn_on"))
+        known = {
+            noise: f"{sensor}_noise" in figures,
+            f"{sensor}_bias_sd": in_run or turn_on,
+            f"{sensor}_bias_tau": in_run,
+            f"{sensor}_bias_walk": walk or (in_run and turn_on),
+        }
+        fields += [name for name, given in known.items() if given]
+    return fields
+
+
 def _figure(name: str, text: str, *quantities: str) -> float:
     measure, _ = parse_quantity(text, *quantities, what=f"--{name.replace('_', '-')}")
     if measure.value < 0.0:
         raise ConfigError(f"--{name.replace('_', '-')} = {text!r} must not be negative")
+    if not measure.value < LARGEST:
+        raise ConfigError(f"--{name.replace('_', '-')} = {text!r} is beyond any sensor; check number and unit")
     return measure.value
 
 
@@ -179,6 +210,11 @@ def _bias(sensor: str, values: Mapping[str, float], reading: SheetReading, formu
             f"{_slope_text(sensor, walk)}"
         )
         tau = math.inf
+    if "bias" in values and "turn_on" not in values:
+        formulas.append(
+            f"{sensor}: bias sd is in-run only; the bias at switch-on is not in it: give the repeatability with "
+            f"--{sensor}-turn-on"
+        )
     if turn_on > 0.0:
         formulas.append(
             f"{sensor}: bias sd = sqrt(turn-on^2 + in-run^2) = {_rate_text(sensor, math.hypot(turn_on, sd))}"

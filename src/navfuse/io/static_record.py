@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import os
 import re
+import struct
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,6 +35,7 @@ TEXTS = (".txt", ".dat", ".imu", ".asc", ".tsv")
 _AXES = "xyz"
 _QUANTITY = {"gyro": ("angular rate", "angle"), "accel": ("acceleration", "speed")}
 _SAME_RATE = 0.01
+_RATES = (1e-4, 1e8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,10 +202,16 @@ def _columns(path: Path, extension: str, skip_rows: int) -> dict[str, Array]:
                 return {name: archive[name] for name in archive.files}
         if extension == ".mat":
             from scipy.io import loadmat
+            from scipy.io.matlab import MatReadError
 
-            return {name: np.asarray(value) for name, value in loadmat(path).items() if not name.startswith("__")}
-    except (OSError, ValueError, KeyError, NotImplementedError, TypeError, BadZipFile) as error:
-        raise InputError(f"{path}: not a readable {extension} file: {str(error).splitlines()[0]}") from error
+            try:
+                content = loadmat(path)
+            except (MatReadError, IndexError, EOFError, OverflowError, MemoryError, struct.error, zlib.error) as error:
+                raise ValueError(str(error) or type(error).__name__) from error
+            return {name: np.asarray(value) for name, value in content.items() if not name.startswith("__")}
+    except (OSError, ValueError, KeyError, NotImplementedError, TypeError, EOFError, BadZipFile, zlib.error) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError(f"{path}: not a readable {extension} file: {reason}") from error
     import io
 
     import pandas as pd
@@ -321,6 +330,11 @@ def _on_grid(source: str, raw: _Raw, given: float | None) -> StaticRecord:
         count = int(index[-1]) + 1
         if count == size:
             index = None
+    if not _RATES[0] <= rate <= _RATES[1]:
+        raise InputError(
+            f"{source}: a sampling rate of {rate:g} Hz is none of a sensor ({_RATES[0]:g} to {_RATES[1]:g} Hz); check "
+            "--rate, or the unit of the time stamps"
+        )
     scale = rate if raw.kind == "increments" else 1.0
     _check_force(source, raw, rate)
     channels = []

@@ -99,7 +99,7 @@ def _correlation(found: Autocorrelation, unit: str, factor: float) -> dict[str, 
 
 
 def term_dict(term: Term, sensor: str) -> dict[str, Any]:
-    """One noise term in all its units."""
+    """One noise term in all its units; one that is absent with its limit, and the one-sided probability of that."""
     entry: dict[str, Any] = {"name": NAMES[sensor][term.name], "present": term.present}
     for _, key, factor in TERM_UNITS[sensor][term.name]:
         if term.present:
@@ -109,7 +109,11 @@ def term_dict(term: Term, sensor: str) -> dict[str, Any]:
                 entry[f"floor_{key}"] = FLOOR * term.value / factor
                 entry[f"floor_sigma_{key}"] = FLOOR * term.sigma / factor
         elif math.isfinite(term.limit):
-            entry[f"below_95_percent_{key}"] = term.limit / factor
+            entry[f"below_{key}"] = term.limit / factor
+    if not term.present:
+        entry["contradicted"] = term.contradicted
+        if math.isfinite(term.limit):
+            entry["below_probability"] = term.limit_level
     if term.present:
         if term.name == "GM":
             entry |= {"tau_s": term.extra, "tau_sigma_s": term.extra_sigma}
@@ -146,7 +150,9 @@ def term_rows(study: AllanStudy) -> list[tuple[str, str, str, str, str]]:
             label = f"{term.name}  {NAMES[axis.sensor][term.name]}"
             if not term.present:
                 name, _, factor = units[0]
-                bound = f"below {significant(term.limit / factor, 2)} {name}" if math.isfinite(term.limit) else ""
+                bound = ""
+                if math.isfinite(term.limit):
+                    bound = f"below {significant(term.limit / factor, 2)} {name} ({100.0 * term.limit_level:g} %)"
                 rows.append((axis.name, label, "not seen", "", bound))
                 continue
             shown = [f"{with_sigma(term.value / f, term.sigma / f)} {name}" for name, _, f in units]

@@ -155,6 +155,8 @@ def test_a_limit_holds_what_is_not_seen():
     found = identify(record(50_000, 8, noise=0.5, walk=0.002), RATE)
     assert not found.term("K").present
     assert 0.002 < found.term("K").limit < 0.2
+    assert found.term("K").limit_level == 0.95
+    assert math.isnan(found.term("N").limit_level)
     assert math.isnan(found.term("K").value)
 
 

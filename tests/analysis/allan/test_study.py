@@ -2,14 +2,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from navfuse.analysis.allan import StudySettings, error_model, study
 from navfuse.analysis.allan.precheck import check_channel, resolution, static_span
-from navfuse.analysis.allan.recommend import bias_model
-from navfuse.analysis.allan.settings import remarks
+from navfuse.analysis.allan.recommend import BiasModel, bias_model
+from navfuse.analysis.allan.settings import filter_settings, remarks
 from navfuse.analysis.allan.spectra import autocorrelation, power_spectrum
 from navfuse.analysis.allan.terms import gauss_markov_allan
 from navfuse.data.logs import ImuLog
@@ -214,8 +215,43 @@ def test_turn_on_makes_a_walk():
     assert started.axes("gyro_bias_sd") == pytest.approx(np.hypot(1e-2, plain.axes("gyro_bias_sd")))
     drive = plain.axes("gyro_bias_sd") * (2.0 / plain.gyro_bias_tau) ** 0.5
     assert started.axes("gyro_bias_walk") == pytest.approx(drive)
-    assert any("gyro_bias_sd: in-run only" in text for text in remarks(found))
-    assert not any("gyro_bias_sd: in-run only" in text for text in remarks(found, (1e-2, 0.0)))
+    assert any("gyro_bias_sd: left to the grade" in text for text in remarks(found))
+    assert not any("gyro_bias_sd: left to the grade" in text for text in remarks(found, (1e-2, None)))
+    left, fields = filter_settings(found)
+    assert fields[:2] == ["arw", "gyro_bias_walk"]
+    assert left.axes("gyro_bias_walk") == pytest.approx(drive)
+    known, fields = filter_settings(found, 1e-2)
+    assert fields[:4] == ["arw", "gyro_bias_sd", "gyro_bias_tau", "gyro_bias_walk"]
+    assert known.axes("gyro_bias_sd") == pytest.approx(started.axes("gyro_bias_sd"))
+
+
+def test_a_term_that_needs_a_longer_record_is_told_and_kept_out():
+    rng = np.random.default_rng(5)
+    walk = 1e-4 * np.cumsum(rng.standard_normal(20_000)) / math.sqrt(RATE)
+    values = 1e-3 * rng.standard_normal(20_000)
+    record = dataclasses.replace(still(), channels=(Channel("gyro x", "gyro", values + walk),))
+    found = study(record, StudySettings(grid="octave", terms=("N", "K")))
+    assert found.gyro is not None
+    axis = found.axes[0]
+    assert axis.identification.term("K").least_span < found.span
+    assert not any("[imu]" in text for text in found.warnings)
+    short = study(record.between(0, 1500), StudySettings(grid="octave", terms=("N", "K")))
+    term = short.axes[0].identification.term("K")
+    assert term.present
+    assert term.least_span > short.span
+    (text,) = [text for text in short.warnings if "[imu]" in text]
+    assert text.startswith("log.csv: gyro x: K is uncertain by more than a quarter: the record of 30 s is shorter than")
+    assert short.gyro is None
+    assert filter_settings(short)[1] == ["arw"]
+
+
+def test_an_axis_without_a_visible_bias_takes_the_largest_of_the_others():
+    found = study(still(), StudySettings(grid="octave", terms=("N",)))
+    model = BiasModel((1e-5, 0.0, 2e-5), math.inf, (1e-6, 0.0, 2e-6), 0.1, (1.0, 100.0))
+    settings, fields = filter_settings(replace(found, gyro=model), 1e-4)
+    assert settings.axes("gyro_bias_walk") == pytest.approx([1e-6, 2e-6, 2e-6])
+    assert fields == ["arw", "gyro_bias_sd", "gyro_bias_tau", "gyro_bias_walk", "vrw"]
+    assert any("takes the largest of the others" in text for text in remarks(replace(found, gyro=model)))
 
 
 def test_spectrum_and_autocorrelation():

@@ -27,6 +27,8 @@ SHORTEST = 1000
 """Samples; shorter records are refused."""
 
 _CONTRADICTED = 0.998
+_CEILING_LEVEL = 0.5 * (1.0 + _CONTRADICTED)
+_LIKELIHOOD_LEVEL = 0.95
 _TOLERANCE = 1.5
 CEILED = (*RANDOM_TERMS, "R")
 
@@ -75,6 +77,10 @@ class Identification:
     def term(self, name: str) -> Term:
         """The first term of this name."""
         return next(term for term in self.terms if term.name == name)
+
+    def too_short(self, term: Term) -> bool:
+        """Whether the record is shorter than a term needs to be known to a quarter of its value."""
+        return term.present and term.least_span > self.span
 
     def allan_variance(self, tau: Array, name: str | None = None) -> Array:
         """Allan variance of the fitted model, or of one of its terms (NaN if absent)."""
@@ -185,10 +191,10 @@ def _with_ceilings(
     terms = {term.name: term for term in found.terms if term.name != "sin"}
     for name in wanted:
         if name in CEILED and not (name in terms and terms[name].present):
-            limits = [_ceiling(name, found, curve)]
-            if name in terms and math.isfinite(terms[name].limit):
-                limits.append(terms[name].limit)
-            terms[name] = Term(name, False, limit=min(limits), contradicted=name in refused)
+            limit, level = _ceiling(name, found, curve), _CEILING_LEVEL
+            if name in terms and terms[name].limit <= limit:
+                limit, level = terms[name].limit, terms[name].limit_level
+            terms[name] = Term(name, False, limit=limit, limit_level=level, contradicted=name in refused)
     lines = [term for term in found.terms if term.name == "sin"]
     return replace(found, terms=(*(terms[name] for name in TERMS if name in terms), *lines))
 
@@ -233,11 +239,12 @@ def _select(model: Model, wanted: tuple[str, ...], lines: list[Term]) -> Identif
             least = spectrum.span * (relative / WANTED) ** 0.5
             found["R"] = Term("R", True, slope, slope_sigma, gain=relative**-2, least_span=least)
         else:
-            found["R"] = Term("R", False, limit=abs(slope) + 1.645 * slope_sigma)
+            found["R"] = Term("R", False, limit=abs(slope) + 1.645 * slope_sigma, limit_level=_LIKELIHOOD_LEVEL)
     for name in wanted:
         if name not in found and name != "sin":
             limit = _limit(model, best, name, likelihood) if name in RANDOM_TERMS else math.nan
-            found[name] = Term(name, False, limit=limit)
+            level = math.nan if math.isnan(limit) else _LIKELIHOOD_LEVEL
+            found[name] = Term(name, False, limit=limit, limit_level=level)
     ordered = [found[name] for name in TERMS if name in found]
     ordered += lines if lines else ([Term("sin", False)] if "sin" in wanted else [])
     names = best.names + (("GM_tau",) if "GM" in best.names else ())

@@ -22,6 +22,9 @@ Array = np.ndarray
 MOST_MOVING = 0.5
 """Share of a record in motion beyond which it is refused."""
 
+_FAR = 1e15
+"""Samples; more than any record has."""
+
 DEFAULT_TERMS = ("Q", "N", "B", "K", "R")
 
 
@@ -140,11 +143,14 @@ class AllanStudy:
     def white(self, sensor: str) -> float:
         """Root mean square over the axes of the random walk coefficient N, or of its limit where it is not seen.
 
-        NaN where the record has no such sensor, or N was not looked for.
+        Axes whose record is too short for N do not count. NaN where the record has no such sensor, or N was not looked
+        for, or no axis tells.
         """
-        terms = [t for axis in self.of(sensor) for t in axis.identification.terms if t.name == "N"]
-        values = [t.value if t.present else t.limit for t in terms]
-        return float(np.sqrt(np.mean(np.square(values)))) if values else math.nan
+        found = [axis.identification for axis in self.of(sensor)]
+        terms = [t for one in found for t in one.terms if t.name == "N" and not one.too_short(t)]
+        values = np.array([t.value if t.present else t.limit for t in terms])
+        values = values[np.isfinite(values)]
+        return float(np.sqrt(np.mean(np.square(values)))) if values.size else math.nan
 
 
 def study(
@@ -191,6 +197,11 @@ def study(
             f"{part.source}: an averaging time of {settings.longest_s:g} s needs a record of twice that; there are "
             f"{(rest.end - rest.begin) / part.rate:.6g} s at rest"
         )
+    if settings.longest_s is not None and settings.longest_s * part.rate < 1.0:
+        raise InputError(
+            f"{part.source}: a longest averaging time of {settings.longest_s:g} s is shorter than the sampling "
+            f"interval, {1.0 / part.rate:.6g} s"
+        )
     axes = []
     for k, channel in enumerate(used.channels):
         axes.append(_axis(used, channel, settings))
@@ -212,14 +223,20 @@ def _check_settings(settings: StudySettings) -> None:
         raise ConfigError(f"unknown deviation {', '.join(unknown) or '(none)'}: known are {', '.join(KINDS)}")
     if not 0.0 < settings.level < 1.0:
         raise ConfigError(f"level = {settings.level} must be a probability between 0 and 1")
-    if not settings.horizon_s > 0.0:
-        raise ConfigError(f"horizon = {settings.horizon_s} must be a number of seconds > 0")
+    for name in ("horizon_s", "longest_s"):
+        value = getattr(settings, name)
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise ConfigError(f"{name.removesuffix('_s')} = {value} must be a finite number of seconds > 0")
+    for name in ("from_s", "until_s"):
+        value = getattr(settings, name)
+        if value is not None and not (math.isfinite(value) and value >= 0.0):
+            raise ConfigError(f"{name} = {value} must be a finite number of seconds, 0 or more")
 
 
 def _part(record: StaticRecord, settings: StudySettings) -> StaticRecord:
     size = record.channels[0].values.size
-    begin = 0 if settings.from_s is None else round(settings.from_s * record.rate)
-    end = size if settings.until_s is None else round(settings.until_s * record.rate)
+    begin = 0 if settings.from_s is None else round(min(settings.from_s * record.rate, _FAR))
+    end = size if settings.until_s is None else round(min(settings.until_s * record.rate, _FAR))
     if not 0 <= begin < min(end, size):
         raise InputError(
             f"{record.source}: the part from {begin / record.rate:g} to {end / record.rate:g} s is not in the record, "
@@ -324,6 +341,12 @@ def _oddities(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> 
     if check.saturated:
         notes.append(f"{source}: {name}: {check.saturated} samples stand at the end of the range: it is saturated")
     found = axis.identification
+    notes += [
+        f"{source}: {name}: {term.name} is uncertain by more than a quarter: the record of {found.span:.6g} s is "
+        f"shorter than the {term.least_span:.6g} s that it needs; it is not used for [imu]"
+        for term in found.terms
+        if found.too_short(term)
+    ]
     if found.misfit > 0.0:
         above = "" if math.isinf(found.highest) else f" above {found.highest:.3g} Hz and"
         notes.append(
@@ -371,4 +394,5 @@ def _bias(axes: Sequence[AxisStudy], sensor: str, span: float, horizon: float) -
 
 
 def _has(found: Identification, name: str) -> bool:
-    return any(term.name == name and term.present for term in found.terms)
+    """Whether a term is seen, in a record long enough to take it for a setting."""
+    return any(term.name == name and term.present and not found.too_short(term) for term in found.terms)

@@ -68,7 +68,10 @@ class Term:
     value, sigma : float
         Coefficient and its standard deviation; NaN if absent. Of a Gauss-Markov process its standard deviation.
     limit : float
-        If absent: what the coefficient stays below with 95 % confidence. NaN if present.
+        If absent: what the coefficient stays below. NaN if present.
+    limit_level : float
+        With which one-sided confidence: 0.95 where the likelihood says so, 0.999 where the measured Allan deviation
+        does. NaN where there is no limit.
     extra, extra_sigma : float
         Correlation time [s] of a Gauss-Markov process, frequency [Hz] of a sinusoid; NaN otherwise.
     least_span : float [s]
@@ -77,7 +80,7 @@ class Term:
         What the term adds to twice the log-likelihood; for a ramp the square of value over sigma.
     contradicted : bool
         The spectrum would have had the term, but the measured Allan deviation falls below it, so that it is absent: the
-        record holds something that no term describes. `limit` is then what the deviation allows (99.9 %).
+        record holds something that no term describes. `limit` is then what the deviation allows.
     """
 
     name: str
@@ -85,6 +88,7 @@ class Term:
     value: float = math.nan
     sigma: float = math.nan
     limit: float = math.nan
+    limit_level: float = math.nan
     extra: float = math.nan
     extra_sigma: float = math.nan
     least_span: float = math.nan
