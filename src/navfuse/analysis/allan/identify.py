@@ -2,8 +2,8 @@
 
 The likelihood is that of :mod:`navfuse.analysis.allan.likelihood`: each point of the spectrum enters with exactly the
 confidence it has, and no correlation between averaging times is left out, which is what a least-squares fit to an Allan
-curve cannot give. A term is reported if it earns its price, and, where no sum of terms fits, if it does not exceed 1.5 times what the
-measured Allan deviation allows.
+curve cannot give. A term is reported if it earns its price, and, where no sum of terms fits, if it
+does not exceed 1.5 times what the measured Allan deviation allows.
 """
 
 from __future__ import annotations
