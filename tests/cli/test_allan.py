@@ -128,6 +128,13 @@ def test_without_a_turn_on_figure_the_bias_starts_as_the_grade_says(navfuse, log
     assert tomllib.loads(out)["imu"]["accel_bias_sd_mg"] == 16.0
 
 
+def test_a_line_break_in_the_path_leaves_valid_toml(navfuse, log):
+    odd = log.rename(log.with_name("a\narw = 1.npz"))
+    code, out, _ = navfuse("allan", odd, "--gyro", "gyro_degps", "--config", "--grid", "octave")
+    assert code == 0
+    assert all(key.startswith(("arw_deg_per", "gyro_bias")) for key in tomllib.loads(out)["imu"])
+
+
 def test_one_sensor_alone(navfuse, log):
     code, out, _ = navfuse("allan", log, "--accel", "accel_g", "--config", "--grid", "octave")
     assert code == 0

@@ -21,6 +21,12 @@ def test_data_sheet_to_settings(navfuse):
     }
 
 
+def test_a_line_break_in_a_figure_leaves_valid_toml(navfuse):
+    code, out, _ = navfuse("noise", "--gyro-noise", "0.3\ndeg/sqrt(h)")
+    assert code == 0
+    assert tomllib.loads(out)["imu"] == {"arw_deg_per_sqrt_h": 0.3}
+
+
 @pytest.mark.parametrize(
     ("options", "keys"),
     [

@@ -71,6 +71,37 @@ def test_a_log_that_moves_is_refused():
     assert study(alone, StudySettings(motion="ignore", grid="octave", terms=("N",))).rest.moving == 0.0
 
 
+def test_a_steady_rotation_is_motion():
+    """The gyro scatters by 1e-3 rad/s / sqrt(100) in a window; eight times that, twice, is 1.1e-3 rad/s."""
+    record = still()
+    record.channels[2].values[:8000] += math.radians(10.0)
+    span = static_span(pairs(record), RATE)
+    assert 8000 <= span.begin <= 8300
+    assert span.moving == pytest.approx(0.4, abs=0.02)
+    assert span.windows[0][0] == 0
+    longer = still()
+    longer.channels[2].values[:12_000] += math.radians(10.0)
+    with pytest.raises(InputError, match="it moves for 6.* Allan variance needs a sensor at rest"):
+        study(longer)
+
+
+def test_a_biased_sensor_that_is_touched_does_not_turn():
+    record = still()
+    for channel in record.channels[:3]:
+        channel.values[:] += math.radians(1.0) + np.linspace(0.0, 2e-4, 20_000)
+    record.channels[0].values[8000:8200] += math.radians(20.0)
+    span = static_span(pairs(record), RATE)
+    assert span.moving < 0.04
+    assert 8200 <= span.begin <= 8500
+
+
+def test_a_record_that_turns_throughout_is_asked_for_it():
+    record = still()
+    record.channels[2].values[:] += math.radians(10.0)
+    found = study(record, StudySettings(grid="octave", terms=("N",)))
+    assert any("the gyros show 10 deg/s on average: does it turn steadily" in text for text in found.warnings)
+
+
 def test_shaking_is_told_but_not_cut_out():
     record = still()
     record.channels[3].values[5000:5300] += 0.1 * np.random.default_rng(1).standard_normal(300)

@@ -2,7 +2,8 @@
 
 The likelihood is that of :mod:`navfuse.analysis.allan.likelihood`: each point of the spectrum enters with exactly the
 confidence it has, and no correlation between averaging times is left out, which is what a least-squares fit to an Allan
-curve cannot give. A term is reported if it earns its price, and if the measured Allan deviation leaves room for it.
+curve cannot give. A term is reported if it earns its price, and, where no sum of terms fits, if it
+does not exceed 1.5 times what the measured Allan deviation allows.
 """
 
 from __future__ import annotations
@@ -175,7 +176,7 @@ def _ceiling(name: str, found: Identification, curve: DeviationCurve) -> float:
 
 
 def _contradicted(found: Identification, curve: DeviationCurve) -> set[str]:
-    """Terms that alone exceed the measured deviation by more than chance allows: it must hold each of them.
+    """Terms that alone exceed 1.5 times what the measured deviation allows.
 
     Asked of records only that no sum of terms fits. In one that is fitted, the longest averaging times are a few
     numbers, which may well be low by chance, and of which the likelihood knows.

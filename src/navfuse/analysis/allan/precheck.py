@@ -12,7 +12,11 @@ Array = np.ndarray
 FLOOR = {"gyro": math.radians(0.1), "accel": 0.05}
 """Changes of the mean from one window to the next [rad/s], [m/s^2] that are never called motion."""
 
+STEADY = math.radians(100.0) / 3600.0
+"""Differences of the mean rate between two stretches [rad/s] that are never called a steady rotation."""
+
 _SIGMAS = 8.0
+_SLOWEST = 3
 _NOISE_RATIO = 3.0
 _NEIGHBOURS = 30
 _SATURATED = 20
@@ -48,7 +52,10 @@ def static_span(channels: list[tuple[str, Array]], rate: float) -> StaticSpan:
 
     The record is cut into windows of a second (a hundred samples, if that is more). It moves where the mean of an axis
     jumps from one window to the next by more than it usually does and by more than a sensor could be blamed for. Slow
-    drift is not motion, nor is noise that stands out from that of the windows around: that is shaking.
+    drift is not motion, nor is noise that stands out from that of the windows around: that is shaking. A stretch
+    between jumps turns steadily where a gyro's mean is off that of the slowest stretch of three windows or more by
+    eight times the scatter of the windows, and by 100 deg/h. A record that turns throughout has nothing to compare
+    with.
 
     Parameters
     ----------
@@ -70,6 +77,9 @@ def static_span(channels: list[tuple[str, Array]], rate: float) -> StaticSpan:
         jump, shaken = _moving(values[: count * width].reshape(count, width), FLOOR[sensor])
         moves |= jump
         shakes |= shaken
+    gyros = [_means(values[: count * width].reshape(count, width)) for sensor, values in channels if sensor == "gyro"]
+    for begin, end in _turning(_true_runs(~moves), gyros):
+        moves[begin:end] = True
     shaking = float(np.mean(shakes & ~moves))
     stretches = _true_runs(moves)
     if not stretches:
@@ -107,6 +117,34 @@ def _moving(windows: Array, floor: float) -> tuple[Array, Array]:
     jumps[known] = jump
     shakes[known] = noise > _NOISE_RATIO * np.minimum(_running_median(noise), _NOISE_RATIO * quiet)
     return jumps, shakes
+
+
+def _means(windows: Array) -> Array:
+    """Mean of each window, NaN where less than half of it is there."""
+    good = np.isfinite(windows)
+    number = good.sum(axis=1)
+    total = np.where(good, windows, 0.0).sum(axis=1)
+    return np.where(number >= 0.5 * windows.shape[1], total / np.maximum(number, 1), np.nan)
+
+
+def _turning(still: list[tuple[int, int]], gyros: list[Array]) -> list[tuple[int, int]]:
+    """Stretches without jumps that turn at a steady rate, by the means of the windows of each gyro."""
+    if not gyros:
+        return []
+    rates = np.array(gyros)
+    known = np.asarray(np.isfinite(rates).all(axis=0))
+    parts = [(run, rates[:, run[0] : run[1]][:, known[run[0] : run[1]]]) for run in still]
+    long = [(run, part) for run, part in parts if part.shape[1] >= _SLOWEST]
+    if len(long) < 2:
+        return []
+    slowest = min((part for _, part in long), key=lambda part: float(np.linalg.norm(part.mean(axis=1))))
+    turning = []
+    for run, part in long:
+        scatter = np.hypot(part.std(axis=1), slowest.std(axis=1))
+        off = np.abs(part.mean(axis=1) - slowest.mean(axis=1))
+        if (off > np.maximum(_SIGMAS * scatter, STEADY)).any():
+            turning.append(run)
+    return turning
 
 
 def _running_median(values: Array) -> Array:

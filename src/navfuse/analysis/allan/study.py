@@ -22,6 +22,9 @@ Array = np.ndarray
 MOST_MOVING = 0.5
 """Share of a record in motion beyond which it is refused."""
 
+TURNS = math.radians(5.0)
+"""Mean rate [rad/s] beyond which a record is asked whether it turns."""
+
 _FAR = 1e15
 """Samples; more than any record has."""
 
@@ -210,7 +213,7 @@ def study(
             progress("axes", (k + 1) / len(used.channels))
     span = (rest.end - rest.begin) / part.rate
     models = {sensor: _bias(axes, sensor, span, settings.horizon_s) for sensor in ("gyro", "accel")}
-    notes += _drift_notes(used)
+    notes += _turn_notes(axes, part.source) + _drift_notes(used)
     return AllanStudy(
         part.source, part.rate, span, used.start, part.kind, rest, tuple(axes), models["gyro"], models["accel"],
         settings, tuple(dict.fromkeys(notes)),
@@ -356,6 +359,16 @@ def _oddities(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> 
             f"{100.0 * found.misfit:.1f} %"
         )
     return notes
+
+
+def _turn_notes(axes: Sequence[AxisStudy], source: str) -> list[str]:
+    turn = math.hypot(*(axis.mean for axis in axes if axis.sensor == "gyro"))
+    if turn <= TURNS:
+        return []
+    return [
+        f"{source}: the gyros show {math.degrees(turn):.3g} deg/s on average: does it turn steadily, or is the unit "
+        "wrong? Few sensors have such a bias"
+    ]
 
 
 def _drift_notes(record: StaticRecord) -> list[str]:
