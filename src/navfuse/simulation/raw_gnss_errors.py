@@ -100,7 +100,7 @@ class RawGnssModel:
         Of the receiver clock at the first epoch, times the speed of light; positive where it is ahead and gains.
     clock_phase_psd, clock_frequency_psd : float [m^2/s], [m^2/s^3]
         White noise that drives offset and drift: ``c^2 h0 / 2`` and ``2 pi^2 c^2 h_-2``. Typical of a temperature
-        compensated quartz: 0.009 and 0.035, of h0 = 2e-19 s and h_-2 = 2e-20 / s (Brown and Hwang, 1997, table 10.2).
+        compensated quartz: 0.009 and 0.035, of ``h0`` = 2e-19 s and ``h_-2`` = 2e-20 / s (usual figures).
     signal_sd, signal_tau : float [m], [s]
         What broadcast orbit and clock leave, per satellite.
     ionosphere_sd, ionosphere_tau : float [m], [s]
