@@ -1,0 +1,16 @@
+"""The kinds of filter, by the names that a project file has for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from navfuse.aiding.base import AidingSensor
+from navfuse.data.start import Start
+from navfuse.filters.ekf import ErrorStateFilter
+from navfuse.filters.settings import FilterSettings
+from navfuse.imu.error_model import ImuErrorModel
+
+FILTERS: dict[str, Callable[[Start, ImuErrorModel, Sequence[AidingSensor], FilterSettings], ErrorStateFilter]] = {
+    "ekf": ErrorStateFilter,
+}
+"""What each estimator is built by."""
