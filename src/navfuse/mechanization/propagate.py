@@ -218,6 +218,9 @@ class Propagator:
         See :func:`propagate`; a negative output period means no output.
     """
 
+    carries_root = False
+    """Whether the accumulator holds a square root of the covariance, which a checkpoint then has to keep."""
+
     def __init__(self, imu_map, noise, stochastic, ecef: bool, covariance_period: float, output_period: float):
         self.ecef = ecef
         self.covariance_period = covariance_period
