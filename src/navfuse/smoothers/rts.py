@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfuse.core.fused import fused
+from navfuse.core.rotation import left_jacobian, mat_t_vec
 from navfuse.data.nav_state import describe_rows
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
@@ -142,16 +143,13 @@ def _back_across_update(numbers, d, turned, lam, Lam, work):
     """
     n = lam.size
     z, _, Sinv, H, K, dx = parts(numbers, d, n)
-    half = 0.5 if turned else 0.0
-    hx, hy, hz = half * dx[6], half * dx[7], half * dx[8]
-    a, b, c = lam[6], lam[7], lam[8]
-    lam[6], lam[7], lam[8] = a - hy * c + hz * b, b - hz * a + hx * c, c - hx * b + hy * a
-    for i in range(n):
-        a, b, c = Lam[i, 6], Lam[i, 7], Lam[i, 8]
-        Lam[i, 6], Lam[i, 7], Lam[i, 8] = a - hy * c + hz * b, b - hz * a + hx * c, c - hx * b + hy * a
-    for i in range(n):
-        a, b, c = Lam[6, i], Lam[7, i], Lam[8, i]
-        Lam[6, i], Lam[7, i], Lam[8, i] = a - hy * c + hz * b, b - hz * a + hx * c, c - hx * b + hy * a
+    if turned:
+        J = left_jacobian((dx[6], dx[7], dx[8]))
+        lam[6], lam[7], lam[8] = mat_t_vec(J, (lam[6], lam[7], lam[8]))
+        for i in range(n):
+            Lam[i, 6], Lam[i, 7], Lam[i, 8] = mat_t_vec(J, (Lam[i, 6], Lam[i, 7], Lam[i, 8]))
+        for i in range(n):
+            Lam[6, i], Lam[7, i], Lam[8, i] = mat_t_vec(J, (Lam[6, i], Lam[7, i], Lam[8, i]))
     for e in range(d):
         v = 0.0
         for i in range(n):
