@@ -7,10 +7,14 @@ from collections.abc import Callable, Sequence
 from navfuse.aiding.base import AidingSensor
 from navfuse.data.start import Start
 from navfuse.filters.ekf import ErrorStateFilter
+from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.settings import FilterSettings
+from navfuse.filters.unscented import UnscentedFilter, cubature_filter
 from navfuse.imu.error_model import ImuErrorModel
 
-FILTERS: dict[str, Callable[[Start, ImuErrorModel, Sequence[AidingSensor], FilterSettings], ErrorStateFilter]] = {
+FILTERS: dict[str, Callable[[Start, ImuErrorModel, Sequence[AidingSensor], FilterSettings], NavigationFilter]] = {
     "ekf": ErrorStateFilter,
+    "ukf": UnscentedFilter,
+    "ckf": cubature_filter,
 }
 """What each estimator is built by."""

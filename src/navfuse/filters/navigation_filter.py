@@ -82,6 +82,9 @@ class NavigationFilter(Carrier):
     transition (Groves 2013, section 14.1.1).
     """
 
+    holds_heading = True
+    """Whether a heading of which nothing is known is kept so until the vehicle moves."""
+
     def __init__(
         self,
         start: Start,
@@ -117,6 +120,7 @@ class NavigationFilter(Carrier):
                 self.s[where.start - NAVIGATION_STATES : where.stop - NAVIGATION_STATES] = value
                 self.P[range(where.start, where.stop), range(where.start, where.stop)] = np.square(sd)
         self._acc = self.propagator.accumulator()
+        self._begin()
         self._linear = True
         self._emitted = self._bridged = -np.inf
         self._hold = HeadingHold(self.nav[3:6])
@@ -142,6 +146,9 @@ class NavigationFilter(Carrier):
     def _make_propagator(self, imu_map: Array, noise: Array, stochastic: Array) -> Any:
         """The propagator, with the interface of :class:`navfuse.mechanization.propagate.Propagator`."""
         raise NotImplementedError
+
+    def _begin(self) -> None:
+        """What is left to do with the start covariance."""
 
     def _make_take(self) -> Callable[..., float]:
         """The update with what stays the same from one measurement to the next."""
@@ -278,7 +285,7 @@ class NavigationFilter(Carrier):
 
     def _keep_checkpoint(self, at: int, updates: tuple[Innovation, ...]) -> None:
         if self.settings.checkpoints:
-            acc = self._acc.copy() if self._acc[ACC_TIME] > 0.0 or self.propagator.carries_root else None
+            acc = self.propagator.keep(self._acc)
             self.record.checkpoints.append(
                 Checkpoint(self._index + at, self.time, self._carried.copy(), updates, self._hold.direction, acc)
             )
@@ -298,7 +305,7 @@ class NavigationFilter(Carrier):
         return now.boxplus(x) if self.settings.open_loop else now
 
     def _hold_heading(self) -> None:
-        if self._hold.moved:
+        if self._hold.moved or not self.holds_heading:
             return
         unknown = self._hold.watch(self.nav, self.x, self.P, self.settings.ecef)
         if unknown is not None:

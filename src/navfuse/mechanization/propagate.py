@@ -218,9 +218,6 @@ class Propagator:
         See :func:`propagate`; a negative output period means no output.
     """
 
-    carries_root = False
-    """Whether the accumulator holds a square root of the covariance, which a checkpoint then has to keep."""
-
     def __init__(self, imu_map, noise, stochastic, ecef: bool, covariance_period: float, output_period: float):
         self.ecef = ecef
         self.covariance_period = covariance_period
@@ -231,6 +228,14 @@ class Propagator:
     def accumulator(self) -> np.ndarray:
         """An empty accumulator for one covariance step."""
         return np.zeros(ACC_SIZE if self._space.inertial > PAIR else ACC_CROSS)
+
+    def keep(self, acc: np.ndarray) -> np.ndarray | None:
+        """What of an accumulator a checkpoint has to keep: nothing between two covariance steps."""
+        return acc.copy() if acc[ACC_TIME] > 0.0 else None
+
+    def resume(self, kept: np.ndarray | None) -> np.ndarray:
+        """An accumulator from what :meth:`keep` kept."""
+        return self.accumulator() if kept is None else kept.copy()
 
     def buffers(self, rows: int, transitions: bool) -> tuple[np.ndarray, ...]:
         """Empty output buffers of :func:`propagate`: time, nav, x, P and F (without rows unless `transitions`)."""

@@ -29,7 +29,7 @@ from navfuse.core.rotation import left_jacobian, mat_t_vec
 from navfuse.data.nav_state import describe_rows
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
-from navfuse.filters.ekf import ErrorStateFilter
+from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.event import parts, split
 from navfuse.filters.record import Checkpoint, trajectory_from_rows
 from navfuse.imu.increments import ImuIncrements
@@ -211,7 +211,7 @@ def _smooth_states(s, x, P, lam, Lam, value, sd):
 
 
 def smooth(
-    filter_: ErrorStateFilter,
+    filter_: NavigationFilter,
     increments: ImuIncrements,
     progress: Callable[[float], None] | None = None,
     events: Sequence[int] = (),
@@ -220,7 +220,7 @@ def smooth(
 
     Parameters
     ----------
-    filter_ : ErrorStateFilter
+    filter_ : NavigationFilter
         After its last increment, with ``settings.checkpoints`` on from the start.
     increments : ImuIncrements
         All increments it was fed since it was made or restored, as one block.
@@ -313,7 +313,7 @@ def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, tile
     propagator = filter_.propagator
     nav, s, x, P = split(checkpoint.carried.copy())
     F, last = identity_transition(n), np.zeros(6)
-    acc = propagator.accumulator() if checkpoint.acc is None else checkpoint.acc.copy()
+    acc = propagator.resume(checkpoint.acc)
     capacity = 0 if period < 0 else CHUNK_ROWS
     at, t = checkpoint.index, checkpoint.time
     while True:

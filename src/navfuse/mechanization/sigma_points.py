@@ -1,0 +1,478 @@
+"""Sigma points carried through the mechanization: the hot loop of the unscented filters.
+
+At the beginning of a covariance step the points are drawn from the estimate and the root of its covariance. Every point
+then integrates every increment with sensor errors of its own. At the end the sensor states decay as they do in the
+extended filter, the points are brought together to a mean on the manifold, and their deviations from it, with the noise
+of the step, give the next root (:mod:`navfuse.core.unscented`). Increments are never left out or averaged.
+
+The noise of the inertial sensor in a step is additive, which for a step of a fraction of a second is what augmentation
+of the state gives: its effect is some 1e-5 rad and 1e-3 m/s, so that its products with the state are below rounding in P.
+A rotation psi about the frame axes at an age of a before the end of the step arrives as psi, a (psi x f) and a^2/2 (psi x f)
+in attitude, velocity and position, a velocity error dv as dv and a dv, and a change of a sensor state through the mean
+direction cosines. The white noise is spread over the step by two Gauss points, which gives its integrals up to a^3 exactly;
+the change of a sensor state stands in the middle.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from math import exp, sqrt
+
+import numpy as np
+
+from navfuse.core.fused import fused
+from navfuse.core.rotation import cross, dcm_from_quat
+from navfuse.core.unscented import SigmaSpread, regress, root_of_points
+from navfuse.data.nav_state import boxminus_navigation, boxplus_navigation
+from navfuse.mechanization.ecef import step_ecef
+from navfuse.mechanization.error_dynamics import ACC_TIME, ACCEL, BIAS, GYRO, PAIR, corrections, imu_places
+from navfuse.mechanization.ned import step_ned
+from navfuse.mechanization.propagate import TIME_TOLERANCE, Propagator
+
+Array = np.ndarray
+
+FORCE, ANGLE, SPEED, DCM, ROOT = 1, 4, 7, 10, 19
+"""Where, after ACC_TIME, the sums of a step stand for the centre point: velocity increment in m, increments of angle and
+velocity in b, C_mb at the beginning; then the root of the covariance, and the points.
+"""
+
+MEAN_PASSES = 8
+MEAN_ANGLE, MEAN_POSITION = 1e-10, 1e-6
+EARLY, LATE = 0.5 - 0.5 / sqrt(3.0), 0.5 + 0.5 / sqrt(3.0)
+
+
+@fused
+def points_of(acc, n):
+    """Root (n, n) and points (2 n + 1, n + 1) in an accumulator, as views. No checks are made."""
+    split = ROOT + n * n
+    return acc[ROOT:split].reshape((n, n)), acc[split:].reshape((2 * n + 1, n + 1))
+
+
+@fused
+def draw_points(nav, s, S, distance, ecef, X):
+    """Write the sigma points X (2 n + 1, n + 1): navigation state, then the states after the ninth.
+
+    The estimate first, then plus every column of the root S (n, n) times `distance`, then minus. No checks are made.
+    """
+    n = S.shape[0]
+    d = np.empty(9)
+    for p in range(2 * n + 1):
+        for i in range(10):
+            X[p, i] = nav[i]
+        for i in range(n - 9):
+            X[p, 10 + i] = s[i]
+    for j in range(n):
+        for side in range(2):
+            p = 1 + j + side * n
+            c = -distance if side else distance
+            if j < 9:
+                for i in range(9):
+                    d[i] = c * S[i, j]
+                boxplus_navigation(X[p, :10], d, ecef)
+            for i in range(max(j, 9), n):
+                X[p, 1 + i] += c * S[i, j]
+
+
+@fused
+def _correct_points(X, place, count, imu, cross_coupled, buffer, table):
+    """Corrections (12 of the gyro, 12 of the accelerometer) of every point into `table`. No checks are made."""
+    for i in range(buffer.size):
+        buffer[i] = 0.0
+    for p in range(X.shape[0]):
+        for k in range(imu):
+            buffer[place[k]] = X[p, 10 + k]
+        gyro = corrections(buffer, 1, GYRO, cross_coupled)
+        accel = corrections(buffer, 1, ACCEL, cross_coupled)
+        for i in range(12):
+            table[p, i] = gyro[i]
+            table[p, 12 + i] = accel[i]
+
+
+@fused
+def _deviations(X, reference, ecef, A):
+    """Deviations of all points from a reference into the columns of A: outer points, then the centre. No checks."""
+    count = X.shape[0]
+    n = A.shape[0]
+    d = np.empty(9)
+    for p in range(count):
+        column = p - 1 if p > 0 else count - 1
+        boxminus_navigation(X[p, :10], reference[:10], ecef, d)
+        for i in range(9):
+            A[i, column] = d[i]
+        for i in range(9, n):
+            A[i, column] = X[p, 1 + i] - reference[1 + i]
+
+
+@fused
+def _mean_of_points(X, weight, ecef, reference, shift, A):
+    """Weighted mean of the points on the manifold, from the centre by Gauss and Newton; leaves the deviations from it
+    in A.
+
+    No checks are made.
+    """
+    n = A.shape[0]
+    outer = X.shape[0] - 1
+    for i in range(n + 1):
+        reference[i] = X[0, i]
+    for _ in range(MEAN_PASSES):
+        _deviations(X, reference, ecef, A)
+        for i in range(n):
+            total = 0.0
+            for p in range(outer):
+                total += A[i, p] - A[i, outer]
+            shift[i] = A[i, outer] + weight * total
+        angle = max(abs(shift[6]), abs(shift[7]), abs(shift[8]))
+        far = max(abs(shift[0]), abs(shift[1]), abs(shift[2]))
+        if angle < MEAN_ANGLE and far < MEAN_POSITION:
+            break
+        boxplus_navigation(reference[:10], shift[:9], ecef)
+        for i in range(9, n):
+            reference[1 + i] += shift[i]
+
+
+@fused
+def _add_noise(acc, imu_map, stochastic, decay, noise, after, A, first):
+    """Columns of the noise of a step, from column `first` of A (n, m) on; the column behind the last. No checks."""
+    n = A.shape[0]
+    T = acc[ACC_TIME]
+    at = first
+    f = (acc[FORCE] / T, acc[FORCE + 1] / T, acc[FORCE + 2] / T)
+    for sensor in range(2):
+        size = sqrt(0.5 * noise[sensor] * T)
+        if size > 0.0:
+            for node in range(2):
+                age = T * (EARLY if node == 0 else LATE)
+                for axis in range(3):
+                    for i in range(n):
+                        A[i, at] = 0.0
+                    if sensor == GYRO:
+                        A[6 + axis, at] = size
+                        v = cross((A[6, at], A[7, at], A[8, at]), f)
+                        for i in range(3):
+                            A[3 + i, at] = age * v[i]
+                            A[i, at] = 0.5 * age * age * v[i]
+                    else:
+                        A[3 + axis, at] = size
+                        A[axis, at] = age * size
+                    at += 1
+    for k in range(n - 9):
+        size = sqrt(stochastic[k, 0] * (1.0 - decay[k] * decay[k]) + stochastic[k, 1] * T)
+        if size == 0.0:
+            continue
+        for i in range(n):
+            A[i, at] = 0.0
+        A[9 + k, at] = size
+        if k < imu_map.shape[0]:
+            sensor, row, column = imu_map[k]
+            factor = size
+            if column != BIAS:
+                factor *= acc[(ANGLE if sensor == GYRO else SPEED) + column] / T
+            u = (
+                -0.5 * factor * (acc[DCM + row] + after[row]),
+                -0.5 * factor * (acc[DCM + 3 + row] + after[3 + row]),
+                -0.5 * factor * (acc[DCM + 6 + row] + after[6 + row]),
+            )
+            v = cross(u, f)
+            for i in range(3):
+                if sensor == GYRO:
+                    A[6 + i, at] = 0.5 * T * u[i]
+                    A[3 + i, at] = 0.125 * T * T * v[i]
+                else:
+                    A[3 + i, at] = 0.5 * T * u[i]
+                    A[i, at] = 0.125 * T * T * u[i]
+        at += 1
+    return at
+
+
+@fused
+def _collect(acc, nav, s, F, weights, ecef, imu_map, stochastic, noise, decay, A, W, reference, shift):
+    """End a covariance step: mean and root of the points, and their transition into F if it has rows. No checks."""
+    n = A.shape[0]
+    S, X = points_of(acc, n)
+    T = acc[ACC_TIME]
+    for k in range(n - 9):
+        decay[k] = exp(-T * stochastic[k, 2]) if stochastic[k, 2] > 0.0 else 1.0
+        for p in range(2 * n + 1):
+            X[p, 10 + k] *= decay[k]
+    after = dcm_from_quat((X[0, 6], X[0, 7], X[0, 8], X[0, 9]))
+    _mean_of_points(X, weights[1], ecef, reference, shift, A)
+    if F.shape[0] > 0:
+        for i in range(9):
+            for j in range(n):
+                W[i, j] = (A[i, j] - A[i, n + j]) / (2.0 * weights[0])
+        regress(W, S)
+        _chain(W, decay, F)
+    columns = _add_noise(acc, imu_map, stochastic, decay, noise, after, A, 2 * n + 1)
+    root_of_points(A, n, columns, weights, S)
+    for i in range(10):
+        nav[i] = reference[i]
+    for i in range(n - 9):
+        s[i] = reference[10 + i]
+    for i in range(ROOT):
+        acc[i] = 0.0
+
+
+@fused
+def _chain(W, decay, F):
+    """F (10, n) <- transition of the step times F; W (9, n) holds its navigation rows. No checks are made."""
+    n = F.shape[1]
+    column = np.empty(9)
+    for c in range(n):
+        for i in range(9):
+            v = W[i, c] * F[9, c] if c >= 9 else 0.0
+            for k in range(9):
+                v += W[i, k] * F[k, c]
+            column[i] = v
+        for i in range(9):
+            F[i, c] = column[i]
+    for k in range(n - 9):
+        F[9, 9 + k] *= decay[k]
+
+
+@fused
+def covariance_of_root(S, P):
+    """The first rows of P = S S^T, as many as P has. No checks are made."""
+    n = S.shape[0]
+    for i in range(P.shape[0]):
+        for c in range(n):
+            v = 0.0
+            for k in range(min(i, c) + 1):
+                v += S[i, k] * S[c, k]
+            P[i, c] = v
+
+
+@fused
+def propagate_points(
+    times,
+    inc_theta_b,
+    inc_v_b,
+    nav,
+    s,
+    x,
+    P,
+    F,
+    acc,
+    last,
+    ecef,
+    cross_coupled,
+    place,
+    imu_map,
+    stochastic,
+    noise,
+    weights,
+    buffer,
+    table,
+    decay,
+    A,
+    W,
+    reference,
+    shift,
+    cov_period,
+    out_period,
+    out_time,
+    out_nav,
+    out_x,
+    out_P,
+    out_F,
+    i,
+    t,
+    t_end,
+    out_next,
+    rows,
+):
+    """Carry the sigma points through every increment up to `t_end`, the counterpart of
+    :func:`navfuse.mechanization.propagate.propagate`, whose parameters and results it shares.
+
+    Parameters
+    ----------
+    x : (n,) array
+        Stays zero: a closed loop.
+    acc : array
+        Sums, root and points, as :meth:`UnscentedPropagator.accumulator` makes it.
+    cross_coupled : bool
+    place, imu_map, stochastic, noise, weights
+        What :class:`UnscentedPropagator` was made with, and the weights of the points.
+    buffer, table, decay, A, W, reference, shift : arrays
+        Work space.
+
+    Notes
+    -----
+    Inside a step `nav` and `s` are those of the centre point, P that of the step's beginning. No checks are made.
+    """
+    k = inc_theta_b.shape[0]
+    n = x.size
+    capacity = out_time.shape[0]
+    S, X = points_of(acc, n)
+    count = 2 * n + 1
+    dt = 0.0
+    theta = (0.0, 0.0, 0.0)
+    dv = (0.0, 0.0, 0.0)
+    if acc[ACC_TIME] > 0.0:
+        _correct_points(X, place, count, imu_map.shape[0], cross_coupled, buffer, table)
+    while i < k and t < t_end - TIME_TOLERANCE:
+        t_next = times[i + 1]
+        stop = t_next
+        if stop > t_end - TIME_TOLERANCE:
+            stop = t_end
+        put = False
+        if capacity > 0:
+            if out_period > 0.0:
+                t_out = out_next * out_period
+                if t_out < t_end - TIME_TOLERANCE and stop > t_out - TIME_TOLERANCE:
+                    if stop > t_out + TIME_TOLERANCE:
+                        stop = t_out
+                    put = True
+            else:
+                put = stop >= t_next - TIME_TOLERANCE and stop < t_end - TIME_TOLERANCE
+        whole = stop >= t_next - TIME_TOLERANCE
+        if whole and t <= times[i] + TIME_TOLERANCE:
+            dt = t_next - t
+            part = 1.0
+        else:
+            dt = stop - t
+            part = dt / (t_next - times[i])
+        if acc[ACC_TIME] == 0.0:
+            draw_points(nav, s, S, weights[0], ecef, X)
+            _correct_points(X, place, count, imu_map.shape[0], cross_coupled, buffer, table)
+            C = dcm_from_quat((nav[6], nav[7], nav[8], nav[9]))
+            for c in range(9):
+                acc[DCM + c] = C[c]
+        inc = (part * inc_theta_b[i, 0], part * inc_theta_b[i, 1], part * inc_theta_b[i, 2])
+        push = (part * inc_v_b[i, 0], part * inc_v_b[i, 1], part * inc_v_b[i, 2])
+        for p in range(count):
+            g = table[p]
+            tx, ty, tz = inc[0] - g[9] * dt, inc[1] - g[10] * dt, inc[2] - g[11] * dt
+            ux, uy, uz = push[0] - g[21] * dt, push[1] - g[22] * dt, push[2] - g[23] * dt
+            theta = (
+                g[0] * tx + g[1] * ty + g[2] * tz,
+                g[3] * tx + g[4] * ty + g[5] * tz,
+                g[6] * tx + g[7] * ty + g[8] * tz,
+            )
+            dv = (
+                g[12] * ux + g[13] * uy + g[14] * uz,
+                g[15] * ux + g[16] * uy + g[17] * uz,
+                g[18] * ux + g[19] * uy + g[20] * uz,
+            )
+            if ecef:
+                f = step_ecef(X[p], dt, theta[0], theta[1], theta[2], dv[0], dv[1], dv[2])
+            else:
+                f, _, _ = step_ned(X[p], dt, theta[0], theta[1], theta[2], dv[0], dv[1], dv[2])
+            if p == 0:
+                acc[ACC_TIME] += dt
+                for c in range(3):
+                    acc[FORCE + c] += f[c]
+                    acc[ANGLE + c] += theta[c]
+                    acc[SPEED + c] += dv[c]
+                    last[c] = theta[c] / dt
+                    last[3 + c] = dv[c] / dt
+        t = t_next if whole else stop
+        if whole:
+            i += 1
+        if put or acc[ACC_TIME] >= cov_period - TIME_TOLERANCE or t >= t_end - TIME_TOLERANCE:
+            _collect(acc, nav, s, F, weights, ecef, imu_map, stochastic, noise, decay, A, W, reference, shift)
+        if put:
+            out_time[rows] = t if out_period <= 0.0 else out_next * out_period
+            for c in range(10):
+                out_nav[rows, c] = nav[c]
+            for c in range(n):
+                out_x[rows, c] = 0.0
+            covariance_of_root(S, out_P[rows])
+            if out_F.shape[0] > 0:
+                for r in range(10):
+                    for c in range(n):
+                        out_F[rows, r, c] = F[r, c]
+                        F[r, c] = 1.0 if r == c or (r == 9 and c >= 9) else 0.0
+                for c in range(9):
+                    F[9, c] = 1.0
+            rows += 1
+            out_next += 1
+            if rows == capacity:
+                break
+    if acc[ACC_TIME] > 0.0:
+        for c in range(10):
+            nav[c] = X[0, c]
+        for c in range(n - 9):
+            s[c] = X[0, 10 + c]
+    covariance_of_root(S, P)
+    return i, t, out_next, rows
+
+
+class UnscentedPropagator(Propagator):
+    """The hot loop of an unscented filter, with everything that stays the same during a run.
+
+    Parameters
+    ----------
+    imu_map, noise, stochastic, ecef, covariance_period, output_period
+        See :class:`navfuse.mechanization.propagate.Propagator`.
+    spread : SigmaSpread
+    """
+
+    def __init__(
+        self, imu_map, noise, stochastic, ecef: bool, covariance_period: float, output_period: float, spread: SigmaSpread
+    ):
+        super().__init__(imu_map, noise, stochastic, ecef, covariance_period, output_period)
+        n = self.size
+        decays = stochastic[:, 2] > 0.0
+        place = imu_places(imu_map)
+        cross_coupled = bool(place.max(initial=-1) >= PAIR)
+        kept = np.column_stack(
+            [np.where(decays, stochastic[:, 0], 0.0), np.where(decays, 0.0, stochastic[:, 1]), stochastic[:, 2]]
+        )
+        self.weights = spread.weights()
+        columns = 2 * n + 1 + 12 + (n - 9)
+        self._fixed = (
+            ecef,
+            cross_coupled,
+            place,
+            np.ascontiguousarray(imu_map, dtype=np.int64),
+            np.ascontiguousarray(kept),
+            np.asarray(noise, dtype=float),
+            self.weights,
+            np.zeros(2 * PAIR),
+            np.empty((2 * n + 1, 24)),
+            np.empty(n - 9),
+            np.empty((n, columns)),
+            np.empty((9, n)),
+            np.empty(n + 1),
+            np.empty(n),
+        )
+
+    def accumulator(self) -> np.ndarray:
+        """Sums, a root of zero, and room for the points."""
+        n = self.size
+        return np.zeros(ROOT + n * n + (2 * n + 1) * (n + 1))
+
+    def keep(self, acc: np.ndarray) -> np.ndarray | None:
+        """The sums and the root, and within a step the points."""
+        return (acc if acc[ACC_TIME] > 0.0 else acc[: ROOT + self.size**2]).copy()
+
+    def resume(self, kept: np.ndarray | None) -> np.ndarray:
+        """See :meth:`navfuse.mechanization.propagate.Propagator.resume`."""
+        acc = self.accumulator()
+        if kept is not None:
+            acc[: kept.size] = kept
+        return acc
+
+    def root(self, acc: np.ndarray) -> np.ndarray:
+        """The root of the covariance (n, n) in an accumulator, a view."""
+        return acc[ROOT : ROOT + self.size**2].reshape(self.size, self.size)
+
+    def stepper(self, increments, nav, s, x, P, F, acc, last, out) -> partial[tuple[int, float, int, int]]:
+        """See :meth:`navfuse.mechanization.propagate.Propagator.stepper`."""
+        return partial(
+            propagate_points,
+            increments.time,
+            increments.inc_theta_b,
+            increments.inc_v_b,
+            nav,
+            s,
+            x,
+            P,
+            F,
+            acc,
+            last,
+            *self._fixed,
+            self.covariance_period,
+            self.output_period,
+            *out,
+        )
