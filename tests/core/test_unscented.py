@@ -134,6 +134,34 @@ def test_the_root_stays_a_root_with_hostile_numbers(seed, decades, noise, n, whi
         assert np.all(np.diag(S) > 0.0)
 
 
+def test_iterations_change_nothing_in_a_linear_model():
+    rng = np.random.default_rng(4)
+    x, S, H = rng.normal(size=6), random_root(rng, 6), rng.normal(size=(2, 6))
+    once = unscented_update(x, S, np.ones(2), lambda v: H @ v, np.eye(2), SigmaSpread(6))
+    often = unscented_update(x, S, np.ones(2), lambda v: H @ v, np.eye(2), SigmaSpread(6), iterations=5)
+    np.testing.assert_allclose(often[0], once[0], atol=1e-12)
+    np.testing.assert_allclose(often[1] @ often[1].T, once[1] @ once[1].T, atol=1e-12)
+    assert often[2] == once[2]
+
+
+@pytest.mark.parametrize("angle", [-150.0, -80.0, 30.0, 120.0, 170.0])
+def test_iterations_find_an_angle_that_one_regression_misses(angle):
+    """A direction known to 60 deg and seen with 2 deg: the posterior is all but that of the measurement."""
+    truth, noise = np.radians(angle), np.radians(2.0)
+    z = np.array([np.cos(truth), np.sin(truth)])
+    x, S = np.zeros(1), np.array([[np.radians(60.0)]])
+
+    def h(v):
+        return np.array([np.cos(v[0]), np.sin(v[0])])
+
+    R = noise**2 * np.eye(2)
+    once = unscented_update(x, S, z, h, R, SigmaSpread(1))
+    often = unscented_update(x, S, z, h, R, SigmaSpread(1), iterations=12)
+    assert abs(often[0][0] - truth) < 0.2 * noise
+    assert often[1][0, 0] == pytest.approx(noise, rel=0.02)
+    assert abs(once[0][0] - truth) > 3.0 * once[1][0, 0]
+
+
 def test_semidefinite_root():
     L = np.empty((3, 3))
     R = np.array([[4.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 9.0]])
@@ -170,3 +198,5 @@ def test_settings_out_of_range_are_named(arguments, told):
 def test_a_measurement_without_noise_and_variance_is_refused():
     with pytest.raises(ConfigError, match="not positive definite"):
         unscented_update(np.zeros(2), np.zeros((2, 2)), np.zeros(1), lambda v: v[:1], np.zeros((1, 1)), SigmaSpread(2))
+    with pytest.raises(ConfigError, match="semi-definite"):
+        unscented_update(np.zeros(2), np.eye(2), np.zeros(1), lambda v: v[:1], -np.eye(1), SigmaSpread(2))

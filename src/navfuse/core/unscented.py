@@ -223,133 +223,146 @@ def semidefinite_root(R, L):
 
 
 @fused
-def innovation(S, delta, z0, R, weights, z, Szz, Sinv, H, L, m, work):
-    """Innovation and its covariance from the predictions at sigma points.
+def regression(S, delta, weights, H, m, residual):
+    """Linear regression of a prediction on the state, from its values at sigma points.
 
     Parameters
     ----------
     S : (n, n) array
         Root of the covariance that the points were drawn from.
     delta : (2 n, d) array
-        Predictions at the outer points less that at the centre: at plus and minus each column of S in turn, the plus
-        points first.
-    z0 : (d,) array
-        Measured less predicted at the centre.
-    R : (d, d) array
+        Predictions at the outer points less that at the centre: at plus each column of S, then at minus each.
     weights : (4,) array
-    z, Szz, Sinv, H : (d,), (d, d), (d, d), (d, n) arrays
-        Receive the innovation, its covariance, the inverse of that, and the matrix of the linear regression of the
-        measurement on the state.
-    L, m : (d, d), (d,) arrays
-        Receive the root of R and the mean of the predictions less that at the centre.
-    work : (d, 2 n + 1 + d) array
-
-    Returns
-    -------
-    float
-        z^T Szz^-1 z; NaN if Szz is not positive definite or R not positive semi-definite.
+    H, m, residual : (d, n), (d,), (d, m) arrays
+        Receive the matrix, the mean of the predictions less that at the centre, and in the first 2 n + 1 columns of
+        `residual` a root of the covariance of what the matrix does not explain.
 
     Notes
     -----
     No checks are made.
     """
-    n, d = S.shape[0], z0.size
-    c, w = weights[0], weights[1]
-    if not semidefinite_root(R, L):
-        return np.nan
+    n, d = S.shape[0], m.size
+    c, root, g = weights[0], np.sqrt(weights[1]), np.sqrt(weights[3])
     for e in range(d):
         total = 0.0
         for p in range(2 * n):
             total += delta[p, e]
-        m[e] = w * total
-        z[e] = z0[e] - m[e]
-        for p in range(2 * n):
-            work[e, p] = delta[p, e] - m[e]
-        work[e, 2 * n] = -m[e]
-        for f in range(d):
-            work[e, 2 * n + 1 + f] = L[e, f]
+        m[e] = weights[1] * total
+        mean = (1.0 - weights[2]) * m[e]
         for j in range(n):
-            H[e, j] = (delta[j, e] - delta[n + j, e]) / (2.0 * c)
+            slope = 0.5 * (delta[j, e] - delta[n + j, e])
+            H[e, j] = slope / c
+            residual[e, j] = root * (delta[j, e] - mean - slope)
+            residual[e, n + j] = root * (delta[n + j, e] - mean + slope)
+        residual[e, 2 * n] = g * m[e]
     regress(H, S)
-    root_of_points(work, n, 2 * n + 1 + d, weights, Sinv)
+
+
+@fused
+def linear_update(S, H, extra, columns, nu, held, K, Szz, Sinv, dx, A):
+    """Gain and correction of a measurement, and the columns of the covariance behind it, from roots.
+
+    Parameters
+    ----------
+    S : (n, n) array
+        Root of the covariance.
+    H : (d, n) array
+    extra : (d, m) array
+        Its first columns are a root of the covariance of all that H does not explain, noise included.
+    columns : int
+    nu : (d,) array
+        Innovation.
+    held : (3,) array
+        Direction of the attitude error that gets no gain, see :func:`navfuse.core.kalman.update`.
+    K, Szz, Sinv, dx : (n, d), (d, d), (d, d), (n,) arrays
+        Receive the gain, the covariance of the innovation, its inverse, and the correction.
+    A : (n, n + columns) array
+        Receives columns whose outer products add up to (I - K H) P (I - K H)^T + K E E^T K^T (Joseph): positive
+        semi-definite for any gain.
+
+    Returns
+    -------
+    float
+        nu^T Szz^-1 nu; NaN if Szz is not positive definite: then the rest is not to be used.
+
+    Notes
+    -----
+    No checks are made.
+    """
+    n, d = S.shape[0], nu.size
+    V = np.zeros((d, n))
+    work = np.empty((d, n + columns))
     for e in range(d):
-        if not Sinv[e, e] > 0.0:
+        for k in range(n):
+            h = H[e, k]
+            if h != 0.0:
+                for j in range(k + 1):
+                    V[e, j] += h * S[k, j]
+        for j in range(n):
+            work[e, j] = V[e, j]
+        for j in range(columns):
+            work[e, n + j] = extra[e, j]
+    L = np.empty((d, d))
+    triangularize(work, n + columns, L)
+    for e in range(d):
+        if not L[e, e] > 0.0:
             return np.nan
         for f in range(e + 1):
             v = 0.0
             for k in range(f + 1):
-                v += Sinv[e, k] * Sinv[f, k]
+                v += L[e, k] * L[f, k]
             Szz[e, f] = v
             Szz[f, e] = v
+    inverse = np.zeros((d, d))
     for column in range(d):
         for e in range(column, d):
             v = 1.0 if e == column else 0.0
             for k in range(column, e):
-                v -= Sinv[e, k] * work[k, column]
-            work[e, column] = v / Sinv[e, e]
+                v -= L[e, k] * inverse[k, column]
+            inverse[e, column] = v / L[e, e]
     nis = 0.0
     for e in range(d):
         v = 0.0
         for k in range(e + 1):
-            v += work[e, k] * z[k]
+            v += inverse[e, k] * nu[k]
         nis += v * v
-    for e in range(d):
         for f in range(e + 1):
             v = 0.0
             for k in range(e, d):
-                v += work[k, e] * work[k, f]
+                v += inverse[k, e] * inverse[k, f]
             Sinv[e, f] = v
             Sinv[f, e] = v
-    return nis
-
-
-@fused
-def gain(S, delta, Sinv, z, weights, K, dx):
-    """Gain K (n, d) and correction dx (n,) of a measurement that :func:`innovation` has looked at. No checks."""
-    n, d = S.shape[0], z.size
-    half = weights[0] * weights[1]
+    cross = np.empty(d)
     for i in range(n):
-        dx[i] = 0.0
         for e in range(d):
-            v = 0.0
+            cross[e] = 0.0
+            for k in range(i + 1):
+                cross[e] += S[i, k] * V[e, k]
+        for e in range(d):
+            K[i, e] = 0.0
             for f in range(d):
-                cross = 0.0
-                for j in range(i + 1):
-                    cross += S[i, j] * (delta[j, f] - delta[n + j, f])
-                v += half * cross * Sinv[f, e]
-            K[i, e] = v
-            dx[i] += v * z[e]
-
-
-@fused
-def posterior_columns(S, delta, m, L, K, weights, A):
-    """Write the columns of the covariance after an update into A (n, 2 n + 1 + d): what is left of each point, the
-    centre, and the noise, each seen through the gain.
-
-    P+ = sum of (x_i - K d_i)(x_i - K d_i)^T w + g (K m)(K m)^T + K R K^T, which is the Joseph form for points: positive
-    semi-definite for any gain. No checks are made.
-    """
-    n, d = K.shape
-    c, root, g = weights[0], np.sqrt(weights[1]), np.sqrt(weights[3])
-    share = 1.0 - weights[2]
-    for i in range(n):
-        for j in range(n):
-            up, down = c * S[i, j], -c * S[i, j]
-            for e in range(d):
-                k = K[i, e]
-                mean = share * m[e]
-                up -= k * (delta[j, e] - mean)
-                down -= k * (delta[n + j, e] - mean)
-            A[i, j] = root * up
-            A[i, n + j] = root * down
-        centre = 0.0
+                K[i, e] += cross[f] * Sinv[f, e]
+    if n >= 9 and (held[0] != 0.0 or held[1] != 0.0 or held[2] != 0.0):
         for e in range(d):
-            centre += K[i, e] * m[e]
-            v = 0.0
-            for f in range(e, d):
-                v += K[i, f] * L[f, e]
-            A[i, 2 * n + 1 + e] = v
-        A[i, 2 * n] = g * centre
+            v = held[0] * K[6, e] + held[1] * K[7, e] + held[2] * K[8, e]
+            for i in range(3):
+                K[6 + i, e] -= held[i] * v
+    for i in range(n):
+        v = 0.0
+        for e in range(d):
+            v += K[i, e] * nu[e]
+        dx[i] = v
+        for j in range(n):
+            A[i, j] = S[i, j]
+        for j in range(columns):
+            A[i, n + j] = 0.0
+        for e in range(d):
+            k = K[i, e]
+            for j in range(n):
+                A[i, j] -= k * V[e, j]
+            for j in range(columns):
+                A[i, n + j] += k * extra[e, j]
+    return nis
 
 
 def draw(x: Array, S: Array, spread: SigmaSpread) -> Array:
@@ -390,7 +403,13 @@ def unscented_predict(
 
 
 def unscented_update(
-    x: Array, S: Array, z: Array, h: Callable[[Array], Array], R: Array, spread: SigmaSpread
+    x: Array,
+    S: Array,
+    z: Array,
+    h: Callable[[Array], Array],
+    R: Array,
+    spread: SigmaSpread,
+    iterations: int = 1,
 ) -> tuple[Array, Array, float]:
     """Use a measurement ``z = h(x) + v`` of a vector state.
 
@@ -404,30 +423,36 @@ def unscented_update(
     R : (d, d) array
         Covariance of v.
     spread : SigmaSpread
+    iterations : int
+        How often the regression is made: the second time with points drawn from the first posterior, and so on
+        (posterior linearization, Garcia-Fernandez, Svensson, Morelande and Sarkka 2015).
 
     Returns
     -------
     x, S : (n,), (n, n) arrays
     nis : float
-        Normalised innovation squared.
+        Normalised innovation squared of the first regression.
 
     Raises
     ------
     ConfigError
-        If the innovation has a covariance that is not positive definite.
+        If R is not positive semi-definite or the innovation has no positive definite covariance.
     """
     n, d = x.size, z.size
-    predicted = np.array([h(point) for point in draw(x, S, spread)])
-    delta = np.ascontiguousarray(predicted[1:] - predicted[0])
-    weights = spread.weights()
-    nu, Szz, Sinv, H = np.empty(d), np.empty((d, d)), np.empty((d, d)), np.empty((d, n))
-    L, m, K, dx = np.empty((d, d)), np.empty(d), np.empty((n, d)), np.empty(n)
-    nis = innovation(S, delta, z - predicted[0], R, weights, nu, Szz, Sinv, H, L, m, np.empty((d, 2 * n + 1 + d)))
-    if not math.isfinite(nis):
-        raise ConfigError("the covariance of the innovation is not positive definite; look at R")
-    gain(S, delta, Sinv, nu, weights, K, dx)
-    A = np.empty((n, 2 * n + 1 + d))
-    posterior_columns(S, delta, m, L, K, weights, A)
-    root = np.empty((n, n))
-    triangularize(A, A.shape[1], root)
-    return x + dx, root, float(nis)
+    weights, held = spread.weights(), np.zeros(3)
+    Szz, Sinv, H, m = np.empty((d, d)), np.empty((d, d)), np.empty((d, n)), np.empty(d)
+    K, dx, A, L = np.empty((n, d)), np.zeros(n), np.empty((n, 3 * n + 1 + d)), np.empty((d, d))
+    extra, root, nis = np.empty((d, 2 * n + 1 + d)), S.copy(), np.nan
+    if not semidefinite_root(np.asarray(R, dtype=float), L):
+        raise ConfigError("R is not positive semi-definite")
+    extra[:, 2 * n + 1 :] = L
+    for k in range(iterations):
+        predicted = np.array([h(point) for point in draw(x + dx, root, spread)])
+        regression(root, np.ascontiguousarray(predicted[1:] - predicted[0]), weights, H, m, extra)
+        nu = z - predicted[0] - m + H @ dx
+        found = linear_update(S, H, extra, 2 * n + 1 + d, nu, held, K, Szz, Sinv, dx, A)
+        if not math.isfinite(found):
+            raise ConfigError("the covariance of the innovation is not positive definite; look at R")
+        nis = nis if k else float(found)
+        triangularize(A, A.shape[1], root)
+    return x + dx, root, nis

@@ -57,3 +57,6 @@ class ErrorStateFilter(NavigationFilter):
 
     def _enlarge(self, change: Callable[[Array], None]) -> None:
         change(self.P)
+
+    def _uncorrelate(self) -> None:
+        self._hold.uncorrelate(self.P)

@@ -82,9 +82,6 @@ class NavigationFilter(Carrier):
     transition (Groves 2013, section 14.1.1).
     """
 
-    holds_heading = True
-    """Whether a heading of which nothing is known is kept so until the vehicle moves."""
-
     def __init__(
         self,
         start: Start,
@@ -154,9 +151,7 @@ class NavigationFilter(Carrier):
         """The update with what stays the same from one measurement to the next."""
         raise NotImplementedError
 
-    def _use(
-        self, sensor: AidingSensor, k: int, limit: Callable[[int], float] | None
-    ) -> tuple[float, int, Array]:
+    def _use(self, sensor: AidingSensor, k: int, limit: Callable[[int], float] | None) -> tuple[float, int, Array]:
         """Use a measurement if its normalised innovation squared passes.
 
         `limit` gives the largest that passes for a number of values; None only predicts. Returns the normalised
@@ -167,6 +162,14 @@ class NavigationFilter(Carrier):
     def _enlarge(self, change: Callable[[Array], None]) -> None:
         """Apply a function that makes a covariance larger, in place."""
         raise NotImplementedError
+
+    def _uncorrelate(self) -> None:
+        """Drop the correlations of a held heading."""
+        raise NotImplementedError
+
+    def _finish_event(self) -> None:
+        """What is left to do when all measurements of an event have been used."""
+        self._uncorrelate()
 
     def _rotate_start(self) -> None:
         C = np.kron(np.eye(3), np.array(dcm_en(self.nav[0], self.nav[1])).reshape(3, 3))
@@ -206,7 +209,7 @@ class NavigationFilter(Carrier):
             for time, which, k in measurements:
                 late &= self._measure(which, k, time, updates)
             if gap or not late:
-                self._hold.uncorrelate(self.P)
+                self._finish_event()
                 self._close(increments, at, tuple(updates))
         following = [p[np.searchsorted(p, end + TIME_TOLERANCE, side="right") :] for p in pending]
         horizon = min((p[0] for p in following if p.size), default=np.inf)
@@ -305,9 +308,10 @@ class NavigationFilter(Carrier):
         return now.boxplus(x) if self.settings.open_loop else now
 
     def _hold_heading(self) -> None:
-        if self._hold.moved or not self.holds_heading:
+        if self._hold.moved:
             return
         unknown = self._hold.watch(self.nav, self.x, self.P, self.settings.ecef)
+        self._uncorrelate()
         if unknown is not None:
             self.record.notes.append(
                 f"the vehicle moves from {self.time:.1f} s on with a heading known to {np.degrees(unknown):.0f} deg "

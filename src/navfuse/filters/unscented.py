@@ -2,91 +2,112 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from navfuse.aiding.base import AidingSensor, noise_covariance
 from navfuse.core.fused import fused
-from navfuse.core.rotation import left_jacobian, mat_vec
-from navfuse.core.unscented import (
-    SigmaSpread,
-    gain,
-    innovation,
-    posterior_columns,
-    triangularize,
-)
-from navfuse.data.nav_state import NavState, boxplus_navigation, correct_rates, sensor_offsets
+from navfuse.core.rotation import dcm_from_rotvec, left_jacobian, mat_vec
+from navfuse.core.unscented import SigmaSpread, linear_update, regression, semidefinite_root, triangularize
+from navfuse.data.nav_state import NavState, correct_rates, sensor_offsets
 from navfuse.errors import ConfigError, FilterError
 from navfuse.filters.event import parts, room
 from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.settings import FilterSettings
-from navfuse.mechanization.error_dynamics import ACC_TIME
-from navfuse.mechanization.sigma_points import UnscentedPropagator, covariance_of_root, draw_points
+from navfuse.mechanization.sigma_points import (
+    BEGUN,
+    GONE,
+    ROOT,
+    UnscentedPropagator,
+    covariance_of_root,
+    draw_points,
+    plain_columns,
+    plain_rows,
+    retract,
+    settle,
+)
 
 Array = np.ndarray
 
 
+LINEAR_SHARE = 1e-3
+"""Of the variance of an innovation that may be left unexplained by a regression before it is made again."""
+SETTLED = 0.05
+"""Change of the correction, in standard deviations of the posterior, at which the iterations end."""
+NARROW = np.radians(3.0)
+"""Standard deviation of the attitude from which on errors are plain again."""
+
+
 @fused
-def states_at_points(nav, s, rates, S, distance, offsets, ecef, X, point_rates):
+def states_at_points(carried, rates, gone, S, mean, distance, offsets, ecef, X, point_rates):
     """What aiding sensors see at every sigma point: states X (2 n + 1, n + 1) and rates (2 n + 1, 6). No checks."""
     n = S.shape[0]
-    draw_points(nav, s, S, distance, ecef, X)
+    draw_points(carried[:10], carried[10 : n + 1], gone, S, mean, distance, ecef, X)
     d = np.empty(n)
     for p in range(2 * n + 1):
         for i in range(6):
             point_rates[p, i] = rates[i]
-        if p > 0:
-            j = (p - 1) % n
-            c = distance if p <= n else -distance
-            for i in range(n):
-                d[i] = c * S[i, j]
-            correct_rates(point_rates[p], d, offsets)
+        j = (p - 1) % n
+        c = 0.0 if p == 0 else (distance if p <= n else -distance)
+        for i in range(n):
+            d[i] = mean[i] + c * S[i, j]
+        correct_rates(point_rates[p], d, offsets)
 
 
 @fused
-def take_points(carried, rates, S, offsets, ecef, delta, z0, R, limit, weights, numbers):
-    """Use a measurement predicted at the sigma points, if it passes the gate: the counterpart of
-    :func:`navfuse.filters.event.take`.
+def update_at_points(S, root, delta, z0, L, before, held, weights, numbers, A):
+    """Update with the regression at points drawn about a correction `before` (n,) with a root of its own.
 
-    Parameters
-    ----------
-    S : (n, n) array
-        Root of the covariance.
-    delta, z0, R, weights
-        See :func:`navfuse.core.unscented.innovation`.
-
-    Returns
-    -------
-    float
-        Normalised innovation squared; NaN if its covariance is not positive definite: then nothing is changed.
-
-    Notes
-    -----
-    The attitude error is turned with the estimate, exactly to first order in what remains of it:
-    :func:`navfuse.core.rotation.left_jacobian`. No checks are made.
+    Returns the normalised innovation squared and the largest share of a component's variance that the regression leaves
+    unexplained, as in :func:`navfuse.core.unscented.linear_update`. No checks are made.
     """
     n, d = S.shape[0], z0.size
-    z, Szz, Sinv, H, K, dx = parts(numbers, d, n)
-    L, m, work = np.empty((d, d)), np.empty(d), np.empty((d, 2 * n + 1 + d))
-    nis = innovation(S, delta, z0, R, weights, z, Szz, Sinv, H, L, m, work)
-    if not nis <= limit or nis == np.inf:
-        return nis
-    gain(S, delta, Sinv, z, weights, K, dx)
-    A = np.empty((n, 2 * n + 1 + d))
-    posterior_columns(S, delta, m, L, K, weights, A)
+    nu, Szz, Sinv, H, K, dx = parts(numbers, d, n)
+    m, extra = np.empty(d), np.empty((d, 2 * n + 1 + d))
+    regression(root, delta, weights, H, m, extra)
+    for e in range(d):
+        nu[e] = z0[e] - m[e]
+        for i in range(n):
+            nu[e] += H[e, i] * before[i]
+        for f in range(d):
+            extra[e, 2 * n + 1 + f] = L[e, f]
+    nis = linear_update(S, H, extra, 2 * n + 1 + d, nu, held, K, Szz, Sinv, dx, A)
+    share = 0.0
+    for e in range(d):
+        v = 0.0
+        for j in range(2 * n + 1):
+            v += extra[e, j] * extra[e, j]
+        share = max(share, v / Szz[e, e])
+    return nis, share
+
+
+@fused
+def commit(carried, rates, acc, offsets, ecef, numbers, d, A):
+    """Take an update for good: correct the estimate, and turn what belongs to its attitude.
+
+    The attitude error that is left is turned by :func:`navfuse.core.rotation.left_jacobian`, exactly to first order in
+    it; the numbers are changed to plain errors for the smoother. No checks are made.
+    """
+    n = A.shape[0]
+    _, _, _, H, K, dx = parts(numbers, d, n)
+    gone = acc[GONE:BEGUN]
+    plain_columns(gone, H)
+    plain_rows(gone, K)
     J = left_jacobian((dx[6], dx[7], dx[8]))
-    for c in range(2 * n + 1 + d):
+    for c in range(A.shape[1]):
         A[6, c], A[7, c], A[8, c] = mat_vec(J, (A[6, c], A[7, c], A[8, c]))
-    triangularize(A, 2 * n + 1 + d, S)
-    boxplus_navigation(carried[:10], dx, ecef)
+    triangularize(A, A.shape[1], acc[ROOT : ROOT + n * n].reshape((n, n)))
+    d9 = dx[:9].copy()
+    retract(carried[:10], gone, d9, ecef)
+    E = dcm_from_rotvec((dx[6], dx[7], dx[8]))
+    for part in range(0, 6, 3):
+        gone[part], gone[part + 1], gone[part + 2] = mat_vec(E, (gone[part], gone[part + 1], gone[part + 2]))
     for i in range(n - 9):
         carried[10 + i] += dx[9 + i]
     correct_rates(rates, dx, offsets)
-    covariance_of_root(S, carried[2 * n + 1 :].reshape((n, n)))
-    return nis
+    covariance_of_root(acc, carried[2 * n + 1 :].reshape((n, n)))
 
 
 class UnscentedFilter(NavigationFilter):
@@ -106,13 +127,12 @@ class UnscentedFilter(NavigationFilter):
 
     Notes
     -----
-    A heading that is not known is not held at rest, as the extended filter has to: points around the compass do not
-    agree on what a change of level means, and so nothing is learned. Sources: Julier and Uhlmann 2004, van der Merwe and
-    Wan 2001 (square root), Hertzberg et al. 2013 (manifold); the weights are in :mod:`navfuse.core.unscented`.
+    Where a regression leaves more than a thousandth of an innovation's variance unexplained it is made again with points
+    drawn from the posterior (posterior linearization, Garcia-Fernandez et al. 2015), which finds a heading from anywhere;
+    with errors of usual size it never is. The gate judges the first regression. Sources: Julier and Uhlmann 2004, van der
+    Merwe and Wan 2001 (square root), Hertzberg et al. 2013 (manifold); the weights are in
+    :mod:`navfuse.core.unscented`, the coordinates of the errors in :mod:`navfuse.mechanization.sigma_points`.
     """
-
-    holds_heading = False
-    estimator = "ukf"
 
     def _spread(self) -> SigmaSpread:
         s = self.settings
@@ -126,9 +146,8 @@ class UnscentedFilter(NavigationFilter):
             )
         spread = self._spread()
         self._weights = spread.weights()
-        return UnscentedPropagator(
-            imu_map, noise, stochastic, s.ecef, s.covariance_period, s.output_period, spread
-        )
+        self._offsets = sensor_offsets(self.layout)
+        return UnscentedPropagator(imu_map, noise, stochastic, s.ecef, s.covariance_period, s.output_period, spread)
 
     def _begin(self) -> None:
         """The root of the start covariance, and whether the points are on this side of the globe of attitudes."""
@@ -160,22 +179,22 @@ class UnscentedFilter(NavigationFilter):
     @P.setter
     def P(self, value: Array) -> None:
         self._views[3][...] = value
+        self._acc[GONE:BEGUN] = 0.0
         self._take_root()
 
     def _make_take(self) -> Callable[..., float]:
-        return partial(take_points, self._carried, self._last)
+        """Not used: an update may take several regressions."""
+        return _no_take
 
-    def _predictions(self, sensor: AidingSensor, k: int) -> tuple[Array, Array, Array]:
-        """Predictions at the outer points less that at the centre (2 n, d), innovation of the centre, and noise."""
-        n, time = self.layout.size, float(sensor.times[k])
+    def _predictions(self, sensor: AidingSensor, k: int, mean: Array, root: Array) -> tuple[Array, Array]:
+        """Predictions at the outer points less that at the centre (2 n, d), and the innovation of the centre (d,)."""
+        n, layout, ecef = self.layout.size, self.layout, self.settings.ecef
         X, rates = np.empty((2 * n + 1, n + 1)), np.empty((2 * n + 1, 6))
-        nav, s, _, _ = self._views
-        offsets = sensor_offsets(self.layout)
-        ecef, layout = self.settings.ecef, self.layout
-        states_at_points(nav, s, self._last, self.root, self._weights[0], offsets, ecef, X, rates)
-        predict, subtract = sensor.predict, sensor.subtract
+        gone = self._acc[GONE:BEGUN]
+        states_at_points(self._carried, self._last, gone, root, mean, self._weights[0], self._offsets, ecef, X, rates)
+        predict, subtract, time = sensor.predict, sensor.subtract, self.time
         values = [
-            predict(NavState(self.time, x[:10], ecef, x[10:], layout, rate[:3], rate[3:]), k)
+            predict(NavState(time, x[:10], ecef, x[10:], layout, rate[:3], rate[3:]), k)
             for x, rate in zip(X, rates, strict=True)
         ]
         centre = values[0]
@@ -184,36 +203,100 @@ class UnscentedFilter(NavigationFilter):
         for row, value in zip(delta, values[1:], strict=True):
             row[:] = subtract(value, centre)
         if not np.isfinite(delta).all():
-            bad = int(np.flatnonzero(~np.isfinite(delta).all(axis=1))[0])
-            raise FilterError(
-                f"{sensor.name} measurement {k} at {time:.3f} s: predict gives {np.asarray(values[1 + bad])} at a sigma "
-                f"point, {self._weights[0]:.3g} standard deviations from the estimate along state {bad % n}; predict has "
-                "to give finite values for every state within the uncertainty"
-            )
-        R = np.array(noise_covariance(sensor.noise(k), z0.size), dtype=float, order="C")
-        if R.shape != (z0.size, z0.size):
-            raise FilterError(
-                f"{sensor.name} measurement {k} at {time:.3f} s: noise has the shape {R.shape} for {z0.size} values"
-            )
-        return delta, z0, R
+            self._refuse(sensor, k, values)
+        return delta, z0
+
+    def _refuse(self, sensor: AidingSensor, k: int, values: Sequence[Array]) -> None:
+        n = self.layout.size
+        bad = next(p for p, value in enumerate(values) if not np.isfinite(value).all())
+        where = (
+            "at the estimate"
+            if bad == 0
+            else f"at a sigma point, {self._weights[0]:.3g} standard deviations from the estimate along column "
+            f"{(bad - 1) % n} of the covariance's root"
+        )
+        raise FilterError(
+            f"{sensor.name} measurement {k} at {float(sensor.times[k]):.3f} s: predict gives {np.asarray(values[bad])} "
+            f"{where}; it has to give finite values for every state within the uncertainty"
+        )
 
     def _use(self, sensor: AidingSensor, k: int, limit: Callable[[int], float] | None) -> tuple[float, int, Array]:
-        delta, z0, R = self._predictions(sensor, k)
-        d = z0.size
-        numbers = np.empty(room(d, self.layout.size))
-        offsets, ecef = sensor_offsets(self.layout), self.settings.ecef
-        most = -1.0 if limit is None else limit(d)
-        nis = self._take(self.root, offsets, ecef, delta, z0, R, most, self._weights, numbers)
-        return nis, d, numbers
+        n, S = self.layout.size, self.root
+        before, root, first = np.zeros(n), S, np.nan
+        for k_iteration in range(self.settings.iterations):
+            delta, z0 = self._predictions(sensor, k, before, root)
+            d = z0.size
+            if k_iteration == 0:
+                numbers, A, L = np.empty(room(d, n)), np.empty((n, 3 * n + 1 + d)), self._noise_root(sensor, k, d)
+                most = -1.0 if limit is None else limit(d)
+            nis, share = update_at_points(
+                S, root, delta, z0, L, before, self._hold.direction, self._weights, numbers, A
+            )
+            if k_iteration == 0:
+                first = nis
+                if not nis <= most:
+                    return nis, d, numbers
+            dx = parts(numbers, d, n)[5]
+            if share < LINEAR_SHARE or k_iteration + 1 == self.settings.iterations:
+                break
+            root = np.empty((n, n))
+            triangularize(A.copy(), A.shape[1], root)
+            sd = np.sqrt(np.sum(root * root, axis=1))
+            settled = bool(np.all(np.abs(dx - before) <= SETTLED * sd))
+            before = dx.copy()
+            if settled and k_iteration:
+                break
+        commit(self._carried, self._last, self._acc, self._offsets, self.settings.ecef, numbers, d, A)
+        return first, d, numbers
+
+    def _noise_root(self, sensor: AidingSensor, k: int, d: int) -> Array:
+        R = np.asarray(noise_covariance(sensor.noise(k), d), dtype=float)
+        L = np.empty((d, d))
+        if R.shape != (d, d) or not semidefinite_root(R, L):
+            raise FilterError(
+                f"{sensor.name} measurement {k} at {float(sensor.times[k]):.3f} s: its noise must be {d} standard "
+                f"deviations or a positive semi-definite covariance ({d}, {d}), got the shape {R.shape}"
+            )
+        return L
+
+    def _settle(self) -> None:
+        n = self.layout.size
+        X, A = np.empty((2 * n + 1, n + 1)), np.empty((n, 2 * n + 1))
+        settle(self._carried, self._acc, self._weights, self.settings.ecef, X, A)
+
+    def _finish_event(self) -> None:
+        if self._hold.direction.any():
+            self._settle()
+            self._drop_correlations()
+        elif float(np.max(np.diagonal(self.P)[6:9])) < NARROW**2:
+            self._settle()
+
+    def _uncorrelate(self) -> None:
+        """Nothing before a measurement: points around the compass know what a heading does to it."""
+
+    def _drop_correlations(self) -> None:
+        n, down = self.layout.size, self._hold.direction
+        A = np.zeros((n, n + 1))
+        A[:, :n] = self.root
+        along = down @ A[6:9, :n]
+        A[6:9, :n] -= np.outer(down, along)
+        A[6:9, n] = down * np.sqrt(along @ along)
+        triangularize(A, n + 1, self.root)
+        covariance_of_root(self._acc, self.P)
 
     def _enlarge(self, change: Callable[[Array], None]) -> None:
+        self._settle()
         n = self.layout.size
         larger = self.P.copy()
         change(larger)
         values, vectors = np.linalg.eigh(larger - self.P)
         added = vectors * np.sqrt(np.maximum(values, 0.0))
         triangularize(np.ascontiguousarray(np.hstack([self.root, added])), 2 * n, self.root)
-        covariance_of_root(self.root, self.P)
+        covariance_of_root(self._acc, self.P)
+
+
+def _no_take() -> float:
+    raise NotImplementedError
 
 
 def cubature_filter(start, imu_model, sensors, settings: FilterSettings | None = None) -> UnscentedFilter:

@@ -11,6 +11,18 @@ A rotation psi about the frame axes at an age of a before the end of the step ar
 in attitude, velocity and position, a velocity error dv as dv and a dv, and a change of a sensor state through the mean
 direction cosines. The white noise is spread over the step by two Gauss points, which gives its integrals up to a^3 exactly;
 the change of a sensor state stands in the middle.
+
+**What has been integrated since an event turns with the attitude.** With an attitude error psi that was there all the
+time, the integral Du of the specific force since the last event, and its integral Dw, are exp(psi) Du and exp(psi) Dw: a point
+whose heading is wrong by 60 deg goes off in another direction, on an arc that a straight error cannot follow. The errors
+of the filter are therefore
+
+    v = v_est + (exp(psi) - I) Du + xi_v        r = r_est + (exp(psi) - I) Dw + xi_r
+
+which makes the propagation all but linear for attitude errors of any size, and leaves the arc to the measurement, where
+:class:`navfuse.filters.unscented.UnscentedFilter` iterates. To first order it is a linear change of coordinates, so that in
+normal use nothing else changes; the covariance that is put out is that of the plain errors. The filter settles, with
+Du = Dw = 0, as soon as the attitude is known well enough. See docs/decisions/0011.
 """
 
 from __future__ import annotations
@@ -21,7 +33,7 @@ from math import exp, sqrt
 import numpy as np
 
 from navfuse.core.fused import fused
-from navfuse.core.rotation import cross, dcm_from_quat
+from navfuse.core.rotation import cross, dcm_from_quat, dcm_from_rotvec, mat_vec
 from navfuse.core.unscented import SigmaSpread, regress, root_of_points
 from navfuse.data.nav_state import boxminus_navigation, boxplus_navigation
 from navfuse.mechanization.ecef import step_ecef
@@ -31,9 +43,10 @@ from navfuse.mechanization.propagate import TIME_TOLERANCE, Propagator
 
 Array = np.ndarray
 
-FORCE, ANGLE, SPEED, DCM, ROOT = 1, 4, 7, 10, 19
+FORCE, ANGLE, SPEED, DCM, GONE, BEGUN, ROOT = 1, 4, 7, 10, 19, 25, 31
 """Where, after ACC_TIME, the sums of a step stand for the centre point: velocity increment in m, increments of angle and
-velocity in b, C_mb at the beginning; then the root of the covariance, and the points.
+velocity in b, C_mb at the beginning; then Dw and Du since the last event, now and at the beginning of the step; then the
+root of the covariance, and the points.
 """
 
 MEAN_PASSES = 8
@@ -49,28 +62,70 @@ def points_of(acc, n):
 
 
 @fused
-def draw_points(nav, s, S, distance, ecef, X):
+def turn_gone(gone, d, sign):
+    """Add to d (9+,), or with sign = -1 take from it, what the attitude error in it makes of Dw and Du in `gone` (6,)."""
+    if d[6] == 0.0 and d[7] == 0.0 and d[8] == 0.0:
+        return
+    E = dcm_from_rotvec((d[6], d[7], d[8]))
+    for part in range(0, 6, 3):
+        x, y, z = gone[part], gone[part + 1], gone[part + 2]
+        u = mat_vec(E, (x, y, z))
+        d[part] += sign * (u[0] - x)
+        d[part + 1] += sign * (u[1] - y)
+        d[part + 2] += sign * (u[2] - z)
+
+
+@fused
+def retract(nav, gone, d, ecef):
+    """Apply an error (9,) in the coordinates of the module to a navigation state, in place; d becomes a plain one."""
+    turn_gone(gone, d, 1.0)
+    boxplus_navigation(nav, d, ecef)
+
+
+@fused
+def plain_rows(gone, M):
+    """Turn the rows of M (9+, m) from errors in the coordinates of the module to plain ones, to first order."""
+    for c in range(M.shape[1]):
+        psi = (M[6, c], M[7, c], M[8, c])
+        for part in range(0, 6, 3):
+            u = cross(psi, (gone[part], gone[part + 1], gone[part + 2]))
+            for i in range(3):
+                M[part + i, c] += u[i]
+
+
+@fused
+def plain_columns(gone, M):
+    """Turn a matrix M (m, 9+) that multiplies errors in the coordinates of the module to one for plain ones."""
+    for r in range(M.shape[0]):
+        for part in range(0, 6, 3):
+            u = cross((gone[part], gone[part + 1], gone[part + 2]), (M[r, part], M[r, part + 1], M[r, part + 2]))
+            for i in range(3):
+                M[r, 6 + i] -= u[i]
+
+
+@fused
+def draw_points(nav, s, gone, S, mean, distance, ecef, X):
     """Write the sigma points X (2 n + 1, n + 1): navigation state, then the states after the ninth.
 
-    The estimate first, then plus every column of the root S (n, n) times `distance`, then minus. No checks are made.
+    First the estimate corrected by `mean` (n,), then that plus every column of the root S (n, n) times `distance`, then
+    minus, in the coordinates of the module. No checks are made.
     """
     n = S.shape[0]
     d = np.empty(9)
+    moved = False
+    for i in range(9):
+        moved = moved or mean[i] != 0.0
     for p in range(2 * n + 1):
+        j = (p - 1) % n
+        c = 0.0 if p == 0 else (distance if p <= n else -distance)
         for i in range(10):
             X[p, i] = nav[i]
-        for i in range(n - 9):
-            X[p, 10 + i] = s[i]
-    for j in range(n):
-        for side in range(2):
-            p = 1 + j + side * n
-            c = -distance if side else distance
-            if j < 9:
-                for i in range(9):
-                    d[i] = c * S[i, j]
-                boxplus_navigation(X[p, :10], d, ecef)
-            for i in range(max(j, 9), n):
-                X[p, 1 + i] += c * S[i, j]
+        for i in range(9, n):
+            X[p, 1 + i] = s[i - 9] + mean[i] + c * S[i, j]
+        if moved or (p > 0 and j < 9):
+            for i in range(9):
+                d[i] = mean[i] + c * S[i, j]
+            retract(X[p, :10], gone, d, ecef)
 
 
 @fused
@@ -89,7 +144,7 @@ def _correct_points(X, place, count, imu, cross_coupled, buffer, table):
 
 
 @fused
-def _deviations(X, reference, ecef, A):
+def _deviations(X, reference, gone, ecef, A):
     """Deviations of all points from a reference into the columns of A: outer points, then the centre. No checks."""
     count = X.shape[0]
     n = A.shape[0]
@@ -97,6 +152,7 @@ def _deviations(X, reference, ecef, A):
     for p in range(count):
         column = p - 1 if p > 0 else count - 1
         boxminus_navigation(X[p, :10], reference[:10], ecef, d)
+        turn_gone(gone, d, -1.0)
         for i in range(9):
             A[i, column] = d[i]
         for i in range(9, n):
@@ -104,7 +160,7 @@ def _deviations(X, reference, ecef, A):
 
 
 @fused
-def _mean_of_points(X, weight, ecef, reference, shift, A):
+def _mean_of_points(X, weight, gone, ecef, reference, shift, A):
     """Weighted mean of the points on the manifold, from the centre by Gauss and Newton; leaves the deviations from it
     in A.
 
@@ -115,7 +171,7 @@ def _mean_of_points(X, weight, ecef, reference, shift, A):
     for i in range(n + 1):
         reference[i] = X[0, i]
     for _ in range(MEAN_PASSES):
-        _deviations(X, reference, ecef, A)
+        _deviations(X, reference, gone, ecef, A)
         for i in range(n):
             total = 0.0
             for p in range(outer):
@@ -125,7 +181,7 @@ def _mean_of_points(X, weight, ecef, reference, shift, A):
         far = max(abs(shift[0]), abs(shift[1]), abs(shift[2]))
         if angle < MEAN_ANGLE and far < MEAN_POSITION:
             break
-        boxplus_navigation(reference[:10], shift[:9], ecef)
+        retract(reference[:10], gone, shift, ecef)
         for i in range(9, n):
             reference[1 + i] += shift[i]
 
@@ -195,20 +251,30 @@ def _collect(acc, nav, s, F, weights, ecef, imu_map, stochastic, noise, decay, A
         for p in range(2 * n + 1):
             X[p, 10 + k] *= decay[k]
     after = dcm_from_quat((X[0, 6], X[0, 7], X[0, 8], X[0, 9]))
-    _mean_of_points(X, weights[1], ecef, reference, shift, A)
+    gone = acc[GONE:BEGUN]
+    _mean_of_points(X, weights[1], gone, ecef, reference, shift, A)
     if F.shape[0] > 0:
         for i in range(9):
             for j in range(n):
                 W[i, j] = (A[i, j] - A[i, n + j]) / (2.0 * weights[0])
         regress(W, S)
+        plain_rows(gone, W)
+        plain_columns(acc[BEGUN:ROOT], W)
         _chain(W, decay, F)
-    columns = _add_noise(acc, imu_map, stochastic, decay, noise, after, A, 2 * n + 1)
+    first = 2 * n + 1
+    columns = _add_noise(acc, imu_map, stochastic, decay, noise, after, A, first)
+    for c in range(first, columns):
+        psi = (A[6, c], A[7, c], A[8, c])
+        for part in range(0, 6, 3):
+            u = cross(psi, (gone[part], gone[part + 1], gone[part + 2]))
+            for i in range(3):
+                A[part + i, c] -= u[i]
     root_of_points(A, n, columns, weights, S)
     for i in range(10):
         nav[i] = reference[i]
     for i in range(n - 9):
         s[i] = reference[10 + i]
-    for i in range(ROOT):
+    for i in range(GONE):
         acc[i] = 0.0
 
 
@@ -230,15 +296,45 @@ def _chain(W, decay, F):
 
 
 @fused
-def covariance_of_root(S, P):
-    """The first rows of P = S S^T, as many as P has. No checks are made."""
-    n = S.shape[0]
+def covariance_of_root(acc, P):
+    """The first nine or all n rows of the covariance of the plain errors, into P (9 or n, n). No checks are made."""
+    n = P.shape[1]
+    S = acc[ROOT : ROOT + n * n].reshape((n, n))
+    T = S.copy()
+    plain_rows(acc[GONE:BEGUN], T)
     for i in range(P.shape[0]):
         for c in range(n):
+            if c < i:
+                P[i, c] = P[c, i]
+                continue
             v = 0.0
-            for k in range(min(i, c) + 1):
-                v += S[i, k] * S[c, k]
+            for k in range(max(9, i + 1)):
+                v += T[i, k] * T[c, k]
             P[i, c] = v
+
+
+@fused
+def settle(carried, acc, weights, ecef, X, A):
+    """Begin to integrate anew: Dw = Du = 0. The sigma points X, whose deviations from their mean are now plain, give the
+    new estimate and root; A is a (n, 2 n + 1) work space. No checks are made.
+    """
+    n = A.shape[0]
+    gone = acc[GONE:BEGUN]
+    moved = False
+    for i in range(6):
+        moved = moved or gone[i] != 0.0
+    if not moved:
+        return
+    S = acc[ROOT : ROOT + n * n].reshape((n, n))
+    reference, shift = np.empty(n + 1), np.zeros(n)
+    draw_points(carried[:10], carried[10 : n + 1], gone, S, shift, weights[0], ecef, X)
+    for i in range(6):
+        gone[i] = 0.0
+    _mean_of_points(X, weights[1], gone, ecef, reference, shift, A)
+    root_of_points(A, n, 2 * n + 1, weights, S)
+    for i in range(n + 1):
+        carried[i] = reference[i]
+    covariance_of_root(acc, carried[2 * n + 1 :].reshape((n, n)))
 
 
 @fused
@@ -303,6 +399,7 @@ def propagate_points(
     n = x.size
     capacity = out_time.shape[0]
     S, X = points_of(acc, n)
+    zero = np.zeros(n)
     count = 2 * n + 1
     dt = 0.0
     theta = (0.0, 0.0, 0.0)
@@ -332,7 +429,9 @@ def propagate_points(
             dt = stop - t
             part = dt / (t_next - times[i])
         if acc[ACC_TIME] == 0.0:
-            draw_points(nav, s, S, weights[0], ecef, X)
+            draw_points(nav, s, acc[GONE:BEGUN], S, zero, weights[0], ecef, X)
+            for c in range(6):
+                acc[BEGUN + c] = acc[GONE + c]
             _correct_points(X, place, count, imu_map.shape[0], cross_coupled, buffer, table)
             C = dcm_from_quat((nav[6], nav[7], nav[8], nav[9]))
             for c in range(9):
@@ -361,6 +460,8 @@ def propagate_points(
                 acc[ACC_TIME] += dt
                 for c in range(3):
                     acc[FORCE + c] += f[c]
+                    acc[GONE + c] += dt * acc[GONE + 3 + c] + 0.5 * dt * f[c]
+                    acc[GONE + 3 + c] += f[c]
                     acc[ANGLE + c] += theta[c]
                     acc[SPEED + c] += dv[c]
                     last[c] = theta[c] / dt
@@ -376,7 +477,7 @@ def propagate_points(
                 out_nav[rows, c] = nav[c]
             for c in range(n):
                 out_x[rows, c] = 0.0
-            covariance_of_root(S, out_P[rows])
+            covariance_of_root(acc, out_P[rows])
             if out_F.shape[0] > 0:
                 for r in range(10):
                     for c in range(n):
@@ -393,7 +494,7 @@ def propagate_points(
             nav[c] = X[0, c]
         for c in range(n - 9):
             s[c] = X[0, 10 + c]
-    covariance_of_root(S, P)
+    covariance_of_root(acc, P)
     return i, t, out_next, rows
 
 
@@ -408,7 +509,14 @@ class UnscentedPropagator(Propagator):
     """
 
     def __init__(
-        self, imu_map, noise, stochastic, ecef: bool, covariance_period: float, output_period: float, spread: SigmaSpread
+        self,
+        imu_map,
+        noise,
+        stochastic,
+        ecef: bool,
+        covariance_period: float,
+        output_period: float,
+        spread: SigmaSpread,
     ):
         super().__init__(imu_map, noise, stochastic, ecef, covariance_period, output_period)
         n = self.size
