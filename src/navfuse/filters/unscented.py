@@ -9,7 +9,7 @@ import numpy as np
 
 from navfuse.aiding.base import AidingSensor, noise_covariance
 from navfuse.core.fused import fused
-from navfuse.core.rotation import dcm_from_rotvec, left_jacobian, mat_vec
+from navfuse.core.rotation import dcm_from_rotvec, mat_vec
 from navfuse.core.unscented import SigmaSpread, linear_update, regression, semidefinite_root, triangularize
 from navfuse.data.nav_state import NavState, correct_rates, sensor_offsets
 from navfuse.errors import ConfigError, FilterError
@@ -21,12 +21,15 @@ from navfuse.mechanization.sigma_points import (
     GONE,
     ROOT,
     UnscentedPropagator,
+    correction_turn,
     covariance_of_root,
+    down_axis,
     draw_points,
     plain_columns,
     plain_rows,
     retract,
     settle,
+    turned,
 )
 
 Array = np.ndarray
@@ -95,13 +98,14 @@ def commit(carried, rates, acc, offsets, ecef, numbers, d, A):
     gone = acc[GONE:BEGUN]
     plain_columns(gone, H)
     plain_rows(gone, K)
-    J = left_jacobian((dx[6], dx[7], dx[8]))
+    u = down_axis(carried[:10], ecef)
+    J = correction_turn(dx, u)
+    E = dcm_from_rotvec(turned(dx, u))
     for c in range(A.shape[1]):
         A[6, c], A[7, c], A[8, c] = mat_vec(J, (A[6, c], A[7, c], A[8, c]))
     triangularize(A, A.shape[1], acc[ROOT : ROOT + n * n].reshape((n, n)))
     d9 = dx[:9].copy()
     retract(carried[:10], gone, d9, ecef)
-    E = dcm_from_rotvec((dx[6], dx[7], dx[8]))
     for part in range(0, 6, 3):
         gone[part], gone[part + 1], gone[part + 2] = mat_vec(E, (gone[part], gone[part + 1], gone[part + 2]))
     for i in range(n - 9):

@@ -19,7 +19,9 @@ of the filter are therefore
 
     v = v_est + (exp(psi) - I) Du + xi_v        r = r_est + (exp(psi) - I) Dw + xi_r
 
-which makes the propagation all but linear for attitude errors of any size, and leaves the arc to the measurement, where
+and the attitude error is exp(y u) exp(t), a level tilt t in the frame of the estimate and then a heading y about down, u.
+So an error of heading leaves alone what is known of the level relative to the sensor, and of its biases. This
+makes the propagation all but linear for attitude errors of any size, and leaves the arc to the measurement, where
 :class:`navfuse.filters.unscented.UnscentedFilter` iterates. To first order it is a linear change of coordinates, so that in
 normal use nothing else changes; the covariance that is put out is that of the plain errors. The filter settles, with
 Du = Dw = 0, as soon as the attitude is known well enough. See docs/decisions/0011.
@@ -28,12 +30,25 @@ Du = Dw = 0, as soon as the attitude is known well enough. See docs/decisions/00
 from __future__ import annotations
 
 from functools import partial
-from math import exp, sqrt
+from math import atan2, exp, pi, sqrt
 
 import numpy as np
 
+from navfuse.core.earth import ellipsoid_normal
 from navfuse.core.fused import fused
-from navfuse.core.rotation import cross, dcm_from_quat, dcm_from_rotvec, mat_vec
+from navfuse.core.rotation import (
+    cross,
+    dcm_from_quat,
+    dcm_from_rotvec,
+    left_jacobian,
+    mat_mul,
+    mat_vec,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_normalize,
+    rotvec_from_quat,
+)
 from navfuse.core.unscented import SigmaSpread, regress, root_of_points
 from navfuse.data.nav_state import boxminus_navigation, boxplus_navigation
 from navfuse.mechanization.ecef import step_ecef
@@ -49,6 +64,9 @@ velocity in b, C_mb at the beginning; then Dw and Du since the last event, now a
 root of the covariance, and the points.
 """
 
+SMALL_TURN, SMALL_TILT = 0.3, 0.02
+"""Angles [rad] up to which a series stands for the product of two rotations: off by less than 1e-6 of the tilt."""
+
 MEAN_PASSES = 8
 MEAN_ANGLE, MEAN_POSITION = 1e-10, 1e-6
 EARLY, LATE = 0.5 - 0.5 / sqrt(3.0), 0.5 + 0.5 / sqrt(3.0)
@@ -62,11 +80,57 @@ def points_of(acc, n):
 
 
 @fused
-def turn_gone(gone, d, sign):
-    """Add to d (9+,), or with sign = -1 take from it, what the attitude error in it makes of Dw and Du in `gone` (6,)."""
-    if d[6] == 0.0 and d[7] == 0.0 and d[8] == 0.0:
+def down_axis(nav, ecef):
+    """Unit vector down in the frame the errors are resolved in, a 3-tuple. No checks are made."""
+    if not ecef:
+        return 0.0, 0.0, 1.0
+    p, c, s, _ = ellipsoid_normal(nav[0], nav[1], nav[2])
+    k = c / p if p > 0.0 else 0.0
+    return -k * nav[0], -k * nav[1], -s
+
+
+@fused
+def turned(d, u):
+    """Rotation vector psi of the attitude error in d (9+,): exp(psi) = exp(y u) exp(t), t + y u with t level, 3-tuple."""
+    y = d[6] * u[0] + d[7] * u[1] + d[8] * u[2]
+    t = (d[6] - y * u[0], d[7] - y * u[1], d[8] - y * u[2])
+    if abs(y) < SMALL_TURN and max(abs(t[0]), abs(t[1]), abs(t[2])) < SMALL_TILT:
+        c = cross(u, t)
+        k = 1.0 - y * y / 12.0
+        return (
+            y * u[0] + k * t[0] + 0.5 * y * c[0],
+            y * u[1] + k * t[1] + 0.5 * y * c[1],
+            y * u[2] + k * t[2] + 0.5 * y * c[2],
+        )
+    return rotvec_from_quat(quat_multiply(quat_from_rotvec((y * u[0], y * u[1], y * u[2])), quat_from_rotvec(t)))
+
+
+@fused
+def untwist(d, u):
+    """The reverse of :func:`turned`: replace a rotation vector in d (9+,) by t + y u, in place. No checks are made."""
+    y = d[6] * u[0] + d[7] * u[1] + d[8] * u[2]
+    p = (d[6] - y * u[0], d[7] - y * u[1], d[8] - y * u[2])
+    if abs(y) < SMALL_TURN and max(abs(p[0]), abs(p[1]), abs(p[2])) < SMALL_TILT:
+        c = cross(u, p)
+        a, b = 1.0 - y * y / 12.0, 0.5 * y
+        k = 1.0 / (a * a + b * b)
+        for i in range(3):
+            d[6 + i] = y * u[i] + k * (a * p[i] - b * c[i])
         return
-    E = dcm_from_rotvec((d[6], d[7], d[8]))
+    q = quat_from_rotvec((d[6], d[7], d[8]))
+    along = q[1] * u[0] + q[2] * u[1] + q[3] * u[2]
+    twist = quat_normalize((q[0], along * u[0], along * u[1], along * u[2]))
+    y = 2.0 * atan2(along, q[0])
+    y -= 2.0 * pi * np.rint(y / (2.0 * pi))
+    t = rotvec_from_quat(quat_multiply(quat_conjugate(twist), q))
+    for i in range(3):
+        d[6 + i] = t[i] + y * u[i]
+
+
+@fused
+def turn_gone(gone, psi, d, sign):
+    """Add to d (9+,), or with sign = -1 take from it, what a rotation psi makes of Dw and Du in `gone` (6,)."""
+    E = dcm_from_rotvec(psi)
     for part in range(0, 6, 3):
         x, y, z = gone[part], gone[part + 1], gone[part + 2]
         u = mat_vec(E, (x, y, z))
@@ -78,8 +142,19 @@ def turn_gone(gone, d, sign):
 @fused
 def retract(nav, gone, d, ecef):
     """Apply an error (9,) in the coordinates of the module to a navigation state, in place; d becomes a plain one."""
-    turn_gone(gone, d, 1.0)
+    if d[6] != 0.0 or d[7] != 0.0 or d[8] != 0.0:
+        psi = turned(d, down_axis(nav, ecef))
+        turn_gone(gone, psi, d, 1.0)
+        d[6], d[7], d[8] = psi
     boxplus_navigation(nav, d, ecef)
+
+
+@fused
+def correction_turn(dx, u):
+    """How a correction dx (9+,) turns the attitude error that is left: exp(dy u) J(dt), with the left Jacobian J; 9-tuple."""
+    y = dx[6] * u[0] + dx[7] * u[1] + dx[8] * u[2]
+    t = (dx[6] - y * u[0], dx[7] - y * u[1], dx[8] - y * u[2])
+    return mat_mul(dcm_from_rotvec((y * u[0], y * u[1], y * u[2])), left_jacobian(t))
 
 
 @fused
@@ -149,10 +224,12 @@ def _deviations(X, reference, gone, ecef, A):
     count = X.shape[0]
     n = A.shape[0]
     d = np.empty(9)
+    u = down_axis(reference, ecef)
     for p in range(count):
         column = p - 1 if p > 0 else count - 1
         boxminus_navigation(X[p, :10], reference[:10], ecef, d)
-        turn_gone(gone, d, -1.0)
+        turn_gone(gone, (d[6], d[7], d[8]), d, -1.0)
+        untwist(d, u)
         for i in range(9):
             A[i, column] = d[i]
         for i in range(9, n):

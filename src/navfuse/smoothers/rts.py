@@ -29,8 +29,8 @@ from navfuse.core.rotation import left_jacobian, mat_t_vec
 from navfuse.data.nav_state import describe_rows
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
-from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.event import parts, split
+from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.record import Checkpoint, trajectory_from_rows
 from navfuse.imu.increments import ImuIncrements
 from navfuse.mechanization.propagate import TIME_TOLERANCE, identity_transition
