@@ -8,13 +8,13 @@ downdate of the usual square-root form (van der Merwe and Wan 2001) does not app
 
 **Weights without a negative one.** The scaled unscented transform (Julier 2002) with alpha, beta and kappa has the
 distance ``c = alpha sqrt(n + kappa)``, outer weights ``w = 1 / (2 c^2)``, a centre weight ``1 - 2 n w`` of the mean and
-``2 - 2 n w - alpha^2 + beta`` of the covariance; for a small alpha both are hugely negative. With d_i the deviations of the
-propagated points from their weighted mean and d_0 that of the centre, the same covariance is
+``2 - 2 n w - alpha^2 + beta`` of the covariance; for a small alpha both are hugely negative. With d_i the deviations of
+the propagated points from their weighted mean and d_0 that of the centre, the same covariance is
 
     sum_i w (d_i - a d_0)(d_i - a d_0)^T + g d_0 d_0^T        a = 1 - c^2 / n      g = beta + alpha^2 kappa / n
 
-since ``sum_i w d_i = (2 n w - 1) d_0``. All weights are positive whenever g is, which is the one condition asked for. The
-cubature rule (Arasaratnam and Haykin 2009) is alpha = 1, beta = kappa = 0: a = g = 0.
+since ``sum_i w d_i = (2 n w - 1) d_0``. All weights are positive whenever g is, which is the one condition asked for.
+The cubature rule (Arasaratnam and Haykin 2009) is alpha = 1, beta = kappa = 0: a = g = 0.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ class SigmaSpread:
         if self.centre < 0.0:
             raise ConfigError(
                 f"sigma points: beta + alpha^2 kappa / n = {self.centre:.3g} with beta = {self.beta:g}, alpha = "
-                f"{self.scale:g}, kappa = {self.kappa:g} and {self.size} states must not be negative, or the covariance need "
-                "not stay positive definite; raise beta or kappa"
+                f"{self.scale:g}, kappa = {self.kappa:g}, {self.size} states must not be negative, or the covariance "
+                "need not stay positive definite; raise beta or kappa"
             )
 
     @classmethod

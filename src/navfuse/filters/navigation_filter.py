@@ -82,6 +82,9 @@ class NavigationFilter(Carrier):
     transition (Groves 2013, section 14.1.1).
     """
 
+    lets_go_early = False
+    """See :class:`~navfuse.filters.heading_hold.HeadingHold`."""
+
     def __init__(
         self,
         start: Start,
@@ -120,7 +123,7 @@ class NavigationFilter(Carrier):
         self._begin()
         self._linear = True
         self._emitted = self._bridged = -np.inf
-        self._hold = HeadingHold(self.nav[3:6])
+        self._hold = HeadingHold(self.nav[3:6], self.lets_go_early)
         self._pointers = [int(np.searchsorted(sensor.times, self.time - TIME_TOLERANCE)) for sensor in self.sensors]
         self._index = 0
         period = settings.output_period

@@ -117,11 +117,11 @@ def commit(carried, rates, acc, offsets, ecef, numbers, d, A):
 class UnscentedFilter(NavigationFilter):
     """Unscented Kalman filter: sigma points in place of Jacobians, for the mechanization and for the measurements.
 
-    The state is a point of the manifold: position, velocity, attitude as a rotation, and the sensor states of the layout.
-    The covariance is carried as a square root that is never subtracted from. A sensor needs nothing but ``value``,
-    ``predict`` and ``noise``; its ``jacobian`` is not used. Parameters and attributes are those of
-    :class:`~navfuse.filters.navigation_filter.NavigationFilter`; the settings ``alpha``, ``beta`` and ``kappa`` place the
-    points.
+    The state is a point of the manifold: position, velocity, attitude as a rotation, and the sensor states of the
+    layout. The covariance is carried as a square root that is never subtracted from. A sensor needs nothing but
+    ``value``, ``predict`` and ``noise``; its ``jacobian`` is not used. Parameters and attributes are those of
+    :class:`~navfuse.filters.navigation_filter.NavigationFilter`; the settings ``alpha``, ``beta`` and ``kappa`` place
+    the points.
 
     Raises
     ------
@@ -131,12 +131,15 @@ class UnscentedFilter(NavigationFilter):
 
     Notes
     -----
-    Where a regression leaves more than a thousandth of an innovation's variance unexplained it is made again with points
-    drawn from the posterior (posterior linearization, Garcia-Fernandez et al. 2015), which finds a heading from anywhere;
-    with errors of usual size it never is. The gate judges the first regression. Sources: Julier and Uhlmann 2004, van der
+    Where a regression leaves more than a thousandth of an innovation's variance unexplained it is made again with
+    points drawn from the posterior (posterior linearization, Garcia-Fernandez et al. 2015), which finds a heading from
+    anywhere; with errors of usual size it never is. The gate judges the first regression. Sources: Julier and Uhlmann
+    2004, van der
     Merwe and Wan 2001 (square root), Hertzberg et al. 2013 (manifold); the weights are in
     :mod:`navfuse.core.unscented`, the coordinates of the errors in :mod:`navfuse.mechanization.sigma_points`.
     """
+
+    lets_go_early = True
 
     def _spread(self) -> SigmaSpread:
         s = self.settings
@@ -146,7 +149,8 @@ class UnscentedFilter(NavigationFilter):
         s = self.settings
         if s.open_loop:
             raise ConfigError(
-                'an unscented filter corrects the inertial solution: use [filter] feedback = "closed", or estimator = "ekf"'
+                'an unscented filter corrects the inertial solution: use [filter] feedback = "closed", or estimator = '
+                '"ekf"'
             )
         spread = self._spread()
         self._weights = spread.weights()

@@ -5,26 +5,26 @@ then integrates every increment with sensor errors of its own. At the end the se
 extended filter, the points are brought together to a mean on the manifold, and their deviations from it, with the noise
 of the step, give the next root (:mod:`navfuse.core.unscented`). Increments are never left out or averaged.
 
-The noise of the inertial sensor in a step is additive, which for a step of a fraction of a second is what augmentation
-of the state gives: its effect is some 1e-5 rad and 1e-3 m/s, so that its products with the state are below rounding in P.
-A rotation psi about the frame axes at an age of a before the end of the step arrives as psi, a (psi x f) and a^2/2 (psi x f)
-in attitude, velocity and position, a velocity error dv as dv and a dv, and a change of a sensor state through the mean
-direction cosines. The white noise is spread over the step by two Gauss points, which gives its integrals up to a^3 exactly;
-the change of a sensor state stands in the middle.
+The noise of the inertial sensor in a step is additive, which for a step of a fraction of a second is what
+augmentation of the state gives: its effect is some 1e-5 rad and 1e-3 m/s, too little to multiply with anything. A
+rotation psi about the frame axes at an age of a before the end of the step arrives as psi, a (psi x f) and a^2/2 (psi x
+f) in attitude, velocity and position, a velocity error dv as dv and a dv, and a change of a sensor state through the
+mean direction cosines. The white noise is spread over the step by two Gauss points, which gives its integrals up to a^3
+exactly; the change of a sensor state stands in the middle.
 
 **What has been integrated since an event turns with the attitude.** With an attitude error psi that was there all the
-time, the integral Du of the specific force since the last event, and its integral Dw, are exp(psi) Du and exp(psi) Dw: a point
-whose heading is wrong by 60 deg goes off in another direction, on an arc that a straight error cannot follow. The errors
-of the filter are therefore
+time, the integral Du of the specific force since the last event, and its integral Dw, are exp(psi) Du and exp(psi) Dw:
+a point whose heading is wrong by 60 deg goes off in another direction, on an arc that a straight error cannot follow.
+The errors of the filter are therefore
 
     v = v_est + (exp(psi) - I) Du + xi_v        r = r_est + (exp(psi) - I) Dw + xi_r
 
-and the attitude error is exp(y u) exp(t), a level tilt t in the frame of the estimate and then a heading y about down, u.
-So an error of heading leaves alone what is known of the level relative to the sensor, and of its biases. This
-makes the propagation all but linear for attitude errors of any size, and leaves the arc to the measurement, where
-:class:`navfuse.filters.unscented.UnscentedFilter` iterates. To first order it is a linear change of coordinates, so that in
-normal use nothing else changes; the covariance that is put out is that of the plain errors. The filter settles, with
-Du = Dw = 0, as soon as the attitude is known well enough. See docs/decisions/0011.
+and the attitude error is exp(y u) exp(t), a level tilt t in the frame of the estimate and then a heading y about down,
+u. So an error of heading leaves alone what is known of the level relative to the sensor, and of its biases. This makes
+the propagation all but linear for attitude errors of any size, and leaves the arc to the measurement, where
+:class:`navfuse.filters.unscented.UnscentedFilter` iterates. To first order it is a linear change of coordinates, so
+that in normal use nothing else changes; the covariance that is put out is that of the plain errors. The filter settles,
+with Du = Dw = 0, as soon as the attitude is known well enough. See docs/decisions/0011.
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ from navfuse.mechanization.propagate import TIME_TOLERANCE, Propagator
 Array = np.ndarray
 
 FORCE, ANGLE, SPEED, DCM, GONE, BEGUN, ROOT = 1, 4, 7, 10, 19, 25, 31
-"""Where, after ACC_TIME, the sums of a step stand for the centre point: velocity increment in m, increments of angle and
-velocity in b, C_mb at the beginning; then Dw and Du since the last event, now and at the beginning of the step; then the
-root of the covariance, and the points.
+"""Where, after ACC_TIME, the sums of a step stand for the centre point: velocity increment in m, increments of angle
+and velocity in b, C_mb at the beginning; then Dw and Du since the last event, now and at the beginning of the step; then
+the root of the covariance, and the points.
 """
 
 SMALL_TURN, SMALL_TILT = 0.3, 0.02
@@ -91,7 +91,7 @@ def down_axis(nav, ecef):
 
 @fused
 def turned(d, u):
-    """Rotation vector psi of the attitude error in d (9+,): exp(psi) = exp(y u) exp(t), t + y u with t level, 3-tuple."""
+    """Rotation vector psi, exp(psi) = exp(y u) exp(t), of the attitude error t + y u, t level, in d (9+,); 3-tuple."""
     y = d[6] * u[0] + d[7] * u[1] + d[8] * u[2]
     t = (d[6] - y * u[0], d[7] - y * u[1], d[8] - y * u[2])
     if abs(y) < SMALL_TURN and max(abs(t[0]), abs(t[1]), abs(t[2])) < SMALL_TILT:
@@ -151,7 +151,7 @@ def retract(nav, gone, d, ecef):
 
 @fused
 def correction_turn(dx, u):
-    """How a correction dx (9+,) turns the attitude error that is left: exp(dy u) J(dt), with the left Jacobian J; 9-tuple."""
+    """How a correction dx (9+,) turns the attitude error that is left: exp(dy u) J(dt), J the left Jacobian; 9-tuple."""
     y = dx[6] * u[0] + dx[7] * u[1] + dx[8] * u[2]
     t = (dx[6] - y * u[0], dx[7] - y * u[1], dx[8] - y * u[2])
     return mat_mul(dcm_from_rotvec((y * u[0], y * u[1], y * u[2])), left_jacobian(t))
@@ -392,8 +392,8 @@ def covariance_of_root(acc, P):
 
 @fused
 def settle(carried, acc, weights, ecef, X, A):
-    """Begin to integrate anew: Dw = Du = 0. The sigma points X, whose deviations from their mean are now plain, give the
-    new estimate and root; A is a (n, 2 n + 1) work space. No checks are made.
+    """Begin to integrate anew: Dw = Du = 0. The sigma points X, whose deviations from their mean are now plain, give
+    the new estimate and root; A is a (n, 2 n + 1) work space. No checks are made.
     """
     n = A.shape[0]
     gone = acc[GONE:BEGUN]
