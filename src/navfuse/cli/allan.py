@@ -100,6 +100,7 @@ def allan(
         from navfuse.analysis.allan.study import StudySettings, study
         from navfuse.io.atomic import refuse_to_replace
         from navfuse.io.static_record import RecordLayout, read_static
+        from navfuse.report.allan_tables import notices
 
         if output is not None:
             refuse_to_replace([log], output, _names())
@@ -116,9 +117,10 @@ def allan(
         )
         layout = RecordLayout(gyro, accel, gyro_unit, accel_unit, time, rate, skip_rows)
         found = study(read_static(log, layout), settings, tell)
-    for text in found.warnings:
-        warnings.warn(text, NavfuseWarning, stacklevel=1)
+    told = notices(found, log.name)
     if (config or output is not None) and (text := missing_turn_on(found, turn_on)):
+        told.append(f"{log.name}: {text.removeprefix(f'{found.source}: ')}")
+    for text in told:
         warnings.warn(text, NavfuseWarning, stacklevel=1)
     section = _section(found, turn_on)
     if output is not None:
