@@ -191,7 +191,7 @@ def test_bad_logs(navfuse, tmp_path):
     cases = {
         "moving": (moving, "Allan variance needs a sensor at rest"),
         "constant": (np.zeros((5000, 3)), "gyro x is constant"),
-        "nan": (np.full((5000, 3), np.nan), "gyro x is constant"),
+        "nan": (np.full((5000, 3), np.nan), "gyro x (column 'gyro_degps') has no number in any of its 5000 rows"),
         "short": (rng.standard_normal((50, 3)), "50 samples are too short a record"),
     }
     for name, (values, message) in cases.items():

@@ -1,7 +1,7 @@
 """Units as people write them: ``deg/sqrt(h)``, ``(deg/h)/rtHz``, ``0.1 arcsec``, ``m/s^2``, ``°/√h``, ``µg/Hz^0.5``.
 
-A text is a number, if there is one, and units multiplied by ``*`` or a space and divided by ``/``, with powers (``s^2``,
-``s2``, ``h^0.5``, ``s⁻¹``), square roots (``sqrt(h)``, ``√h``, ``rt h``, ``root-h``) and parentheses. Without
+A text is a number, if there is one, and units multiplied by ``*`` or a space and divided by ``/``, with powers
+(``s^2``, ``s2``, ``h^0.5``, ``s⁻¹``), square roots (``sqrt(h)``, ``√h``, ``rt h``, ``root-h``) and parentheses. Without
 parentheses every ``/`` divides by the next unit only. The result is one factor to SI and the dimension, by which a
 quantity is recognised: an angle random walk is an angle per root of a time, whichever way a maker prints it.
 """
@@ -154,7 +154,7 @@ class _Reader:
 
     def whole(self) -> tuple[float, Powers]:
         """The whole text."""
-        found = self.product() if self.text else (1.0, (Fraction(0),) * 3)
+        found = self.product() if self.text else (1.0, (Fraction(0), Fraction(0), Fraction(0)))
         if self.at < len(self.text):
             raise self.refuse()
         return found

@@ -115,7 +115,9 @@ def _panel(axes: Axes, study: AllanStudy, axis: AxisStudy, reach: tuple[float, f
     axes.grid(which="minor", alpha=0.12)
     handles, labels = axes.get_legend_handles_labels()
     handles, labels = handles[-1:] + handles[:-1], labels[-1:] + labels[:-1]
-    axes.legend(handles, labels, fontsize=7.5, frameon=False, loc="upper left", bbox_to_anchor=(-0.02, -0.13), borderaxespad=0.0)
+    axes.legend(
+        handles, labels, fontsize=7.5, frameon=False, loc="upper left", bbox_to_anchor=(-0.02, -0.13), borderaxespad=0.0
+    )
 
 
 def legend_of(values: list[float], name: str, sensor: str) -> str:

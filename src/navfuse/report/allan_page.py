@@ -1,7 +1,7 @@
 """The same as one interactive HTML page without network: deviations, spectrum, autocorrelation, table of terms.
 
-The numbers are plain HTML and show without any script. Colours are named by role and looked up in the style sheet, which
-has a light and a dark set of them.
+The numbers are plain HTML and show without any script. Colours are named by role and looked up in the style sheet,
+which has a light and a dark set of them.
 """
 
 from __future__ import annotations
@@ -173,9 +173,7 @@ def _deviation(study: AllanStudy, axis: AxisStudy, unit: str, factor: float) -> 
 def _spectrum(axis: AxisStudy, unit: str, factor: float) -> dict[str, Any]:
     found, model = axis.spectrum, axis.identification
     hover = f"%{{x:.4~g}} Hz: %{{y:.4~g}} {unit}/sqrt(Hz)"
-    traces = [
-        _line(found.frequency, np.sqrt(found.density) / factor, "measured (Welch)", "points", "solid", hover)
-    ]
+    traces = [_line(found.frequency, np.sqrt(found.density) / factor, "measured (Welch)", "points", "solid", hover)]
     if any(term.present for term in model.terms):
         density = np.sqrt(2.0 * model.density) / factor
         traces.append(_line(model.spectrum.frequency, density, "fitted model", "model", "solid", hover))
