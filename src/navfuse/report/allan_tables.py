@@ -11,7 +11,7 @@ from navfuse.analysis.allan.identify import Identification
 from navfuse.analysis.allan.spectra import Autocorrelation
 from navfuse.analysis.allan.study import AllanStudy, AxisStudy
 from navfuse.analysis.allan.terms import FLOOR, NAMES, Term
-from navfuse.report.allan_figures import ALLAN_KINDS
+from navfuse.report.allan_figures import ALLAN_KINDS, duration
 from navfuse.report.allan_units import RATE_UNITS, TERM_UNITS, amount, significant, with_sigma
 
 FLOOR_NOTE = (
@@ -191,7 +191,7 @@ def summary_lines(study: AllanStudy) -> list[str]:
     begin, end = study.rest.begin / study.rate, study.rest.end / study.rate
     lines = [
         f"{study.source}: {study.kind}, {study.rate:.6g} Hz, at rest from {begin:.6g} to {end:.6g} s "
-        f"({study.span / 3600.0:.3g} h)"
+        f"({duration(study.span)})"
     ]
     for name, mean, sd, step, fit in axis_rows(study):
         resolution = f", resolution {step}" if step else ""
