@@ -32,7 +32,8 @@ _WIDE = 16
 _TUKEY = 4.685
 _FIRST_ERROR = 0.3
 _REWEIGHTINGS = 25
-_GOOD_ENOUGH = 0.2
+GOOD_ENOUGH = 0.2
+"""Relative error of a model, in half of the bins, with which it may be called a description."""
 
 
 @dataclass(slots=True, eq=False)
@@ -195,7 +196,7 @@ def reduced(model: Model, wanted: tuple[str, ...], first: Fit) -> tuple[Model, A
         weight, misfit, left_out, edge = _robust_weights(part, wanted, first)
         tried.append((part, weight, misfit, left_out, min(highest, edge)))
         highest = 0.5 * (highest if math.isfinite(highest) else float(spectrum.frequency[-1]))
-        if misfit <= _GOOD_ENOUGH and left_out <= 0.5:
+        if misfit <= GOOD_ENOUGH and left_out <= 0.5:
             return tried[-1]
         if spectrum.below(highest).dof.sum() < SINGLE:
             return min(tried, key=lambda one: one[2])
@@ -227,9 +228,10 @@ def _robust_weights(model: Model, wanted: tuple[str, ...], first: Fit) -> tuple[
     begin = np.array([known.get(name, model.start(name) - 5.0) for name in names])
     weight = 1.0 / (1.0 / spectrum.dof + 0.5 * error**2)
     for _ in range(_REWEIGHTINGS):
-        fit = model.fit(names, Restricted(spectrum, False, np.maximum(weight * share, 1e-6)), begin)
+        likelihood = Restricted(spectrum, False, np.maximum(weight * share, 1e-6))
+        fit = model.fit(names, likelihood, begin)
         begin = fit.log
-        residual = np.log(spectrum.power / spectrum.dof / fit.density)
+        residual = np.log(likelihood.remaining(fit.density) / fit.density)
         error = _common_error(residual[wide], spectrum.dof[wide])
         z = residual / (_TUKEY * np.sqrt(2.0 / spectrum.dof + error**2))
         share = np.where(wide, np.where(np.abs(z) < 1.0, (1.0 - np.minimum(z * z, 1.0)) ** 2, 0.0), 1.0)
