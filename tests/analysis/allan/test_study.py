@@ -164,12 +164,23 @@ def test_missing_samples():
     record.channels[0].values[7000:7010] = np.nan
     found = study(record, StudySettings(grid="octave"))
     assert found.of("gyro")[0].missing == 10
-    assert found.of("gyro")[0].identification.span == pytest.approx(12_990 / RATE)
-    assert any("gyro x: 10 samples are missing" in text for text in found.warnings)
+    assert found.of("gyro")[0].identification.span == pytest.approx(20_000 / RATE)
+    assert found.of("gyro")[0].identification.filled == 10
+    (text,) = found.warnings
+    assert text.startswith("log.csv: gyro x: 10 samples are missing; the deviations average over the stretches between")
+    assert text.endswith("all of the record, what is missing replaced by noise like that around it")
     with pytest.raises(InputError, match="gyro x: 10 samples are missing, the first 140 s"):
         study(record, StudySettings(gaps="refuse"))
-    record.channels[0].values[::500] = np.nan
-    with pytest.raises(InputError, match="log.csv: gyro x: a record of 499 samples is too short"):
+    record.channels[0].values[9000:9200] = np.nan
+    found = study(record, StudySettings(grid="octave"))
+    assert (found.axes[0].identification.begin, found.axes[0].identification.filled) == (9200, 0)
+    assert any("the noise terms come from 184 to 400 s, the longest stretch" in text for text in found.warnings)
+    record.channels[0].values[15_000] = np.nan
+    found = study(record, StudySettings(grid="octave"))
+    assert (found.axes[0].identification.begin, found.axes[0].identification.filled) == (9200, 1)
+    assert any("the longest part with short gaps only: 1 samples are replaced" in text for text in found.warnings)
+    record.channels[0].values[::10] = np.nan
+    with pytest.raises(InputError, match="log.csv: gyro x: a record of 9 samples is too short"):
         study(record, StudySettings(grid="octave"))
 
 
@@ -205,9 +216,11 @@ def test_a_gauss_markov_bias_is_recommended_as_it_is():
     tau = np.geomspace(1.0, 7200.0, 200)
     slow = [sd**2 * gauss_markov_allan(tau, 400.0) for sd in (1.0, 2.0, 3.0)]
     model = bias_model([*slow[:2], None], [1.0, 1.0, 1.0], tau, 3600.0)
+    assert model is not None
     assert model.tau == pytest.approx(400.0, rel=0.06)
     assert model.sd == pytest.approx((1.0, 2.0, 0.0), rel=0.06)
     walk = bias_model([0.01 * tau / 3.0], [1.0], tau, 3600.0)
+    assert walk is not None
     assert math.isinf(walk.tau)
     assert walk.walk[0] == pytest.approx(0.1, rel=1e-6)
     assert bias_model([None, None], [1.0, 1.0], tau, 3600.0) is None

@@ -28,6 +28,9 @@ RAMP_PRICE = 12.0
 """The same of a ramp: 3.5 sigma, since at the lowest frequencies a few numbers decide, and a random walk does "
 "as well."""
 
+_SLACK = 0.5
+"""What a fit may have missed the maximum of the log-likelihood by, when sets of terms are skipped for it."""
+
 _WIDE = 16
 _TUKEY = 4.685
 _FIRST_ERROR = 0.3
@@ -142,13 +145,21 @@ def _best_subset(model: Model, wanted: tuple[str, ...], likelihood: Restricted) 
 
 
 def _with_gauss_markov(model: Model, best: Fit, random: list[str], likelihood: Restricted) -> Fit:
-    """Try a Gauss-Markov process beside every set of terms, from several correlation times."""
+    """Try a Gauss-Markov process beside every set of terms, from several correlation times.
+
+    No set is likelier than one that contains it: a set whose superset would not pay even at the lower price is skipped.
+    """
     s = model.spectrum
     starts = np.geomspace(10.0 * s.dt, 0.3 * s.span, 6)
     worth = 2.0 * best.total - PRICE * len(best.names)
     chosen = best
-    for size in range(len(random) + 1):
+    known: dict[frozenset[str], float] = {}
+    for size in range(len(random), -1, -1):
         for others in itertools.combinations(random, size):
+            bound = min((total for larger, total in known.items() if larger.issuperset(others)), default=math.inf)
+            known[frozenset(others)] = bound
+            if 2.0 * bound - PRICE * size - GM_PRICE <= worth:
+                continue
             names = (*others, "GM")
             top: Fit | None = None
             for tau in starts:
@@ -158,7 +169,10 @@ def _with_gauss_markov(model: Model, best: Fit, random: list[str], likelihood: R
                 fit = model.fit(names, likelihood, begin)
                 if top is None or fit.total > top.total:
                     top = fit
-            if top is not None and 2.0 * top.total - PRICE * size - GM_PRICE > worth:
+            if top is None:
+                continue
+            known[frozenset(others)] = top.total + _SLACK
+            if 2.0 * top.total - PRICE * size - GM_PRICE > worth:
                 chosen, worth = top, 2.0 * top.total - PRICE * size - GM_PRICE
     return chosen
 

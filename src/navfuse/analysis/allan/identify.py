@@ -155,9 +155,11 @@ def identify_and_bridge(
             f"flicker_band = {flicker_band} must be two correlation times in seconds, a decade or more apart"
         )
     values = np.asarray(values, dtype=np.float64)
-    if values.ndim == 1 and np.isinf(values).any():
+    if values.ndim != 1:
+        raise InputError(f"a record of shape {values.shape}: identify one axis at a time")
+    if np.isinf(values).any():
         raise InputError("the record has values that are infinite")
-    part = usable(values) if values.ndim == 1 else slice(0, 0)
+    part = usable(values)
     if part.stop - part.start < SHORTEST:
         raise InputError(
             f"a record of {part.stop - part.start} samples is too short to identify noise: at least {SHORTEST} are "

@@ -70,8 +70,8 @@ def _of_curve(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> 
     below = probability_below(curve, model, round(found.span * record.rate), found.misfit)
     return [
         f"{source}: {name}: the fitted model is {one.ratio:.2f} times the measured deviation between {one.begin:.3g} "
-        f"and {one.end:.3g} s; chance does that in {100.0 * one.probability:.2g} % of records with these noise terms, so "
-        "that something else is likely to be there"
+        f"and {one.end:.3g} s; chance does that in {100.0 * one.probability:.2g} % of records with these noise terms, "
+        "so that something else is likely to be there"
         for one in disagreements(curve, model, below, 1.0 / found.highest)
     ]
 
