@@ -29,7 +29,7 @@ def with_gaps(size, *gaps):
         ([(500, 516), (9000, 9100)], 0, 20_000),
         ([(9000, 9101)], 9101, 20_000),
         ([(k, k + 1) for k in range(5, 20_000, 21)], 0, 20_000),
-        ([(k, k + 1) for k in range(10_000, 20_000, 10)], 0, 10_000),
+        ([(k, k + 1) for k in range(10_000, 20_000, 9)], 0, 10_000),
         ([(0, 20_000)], 0, 0),
     ],
 )
@@ -79,11 +79,11 @@ def test_a_long_gap_keeps_the_variance_of_a_walk_across_it():
     for _ in range(400):
         values = walk(900)
         kept = values.copy()
-        bridge_long(values, [(300, 600)], walk)
+        bridge_long(values, [(300, 600)], 8, walk)
         for one, into in ((kept, before), (values, after)):
             line = 0.5 * (one[200:300].mean() + one[600:700].mean())
             into.append(one[425:475].mean() - line)
-    assert np.mean(np.square(after)) == pytest.approx(np.mean(np.square(before)), rel=0.35)
+    assert np.mean(np.square(after)) == pytest.approx(np.mean(np.square(before)), rel=0.3)
 
 
 def test_the_simulator_has_the_allan_variance_of_its_terms():

@@ -283,3 +283,42 @@ def test_simulated_sensors_of_two_grades():
         assert abs(np.nanmedian(values) - 1.0) < {"N": 0.02, "B": 0.15, "K": 0.20}[name]
     assert abs(covered - 0.683 * 90) < 3.0 * math.sqrt(90 * 0.683 * 0.317)
     assert spurious <= 5
+
+
+def test_the_sums_of_the_spectrum_against_arrays_of_the_whole_length():
+    rng = np.random.default_rng(20)
+    for n in (1000, 4097, 60_000):
+        dt, values = 0.02, np.cumsum(rng.standard_normal(n)) + rng.standard_normal(n)
+        found = cosine_spectrum(values, dt)
+        k = np.arange(1, n)
+        c = math.sqrt(dt) * np.asarray(dct(values - values.mean(), type=2, norm="ortho"))[1:]
+        edge = np.concatenate([[0], np.cumsum(found.dof)[:-1]]).astype(int)
+        half = 0.5 * math.pi * k / n
+        first = math.sqrt(2.0 / n * dt) * np.cos(half)
+        odd = k % 2 == 1
+        ramp = np.where(odd, -math.sqrt(2.0 / n * dt) * dt * np.cos(half) / (2.0 * np.sin(half) ** 2), 0.0)
+        columns = (first, np.where(odd, -first, first), ramp)
+        assert found.power == pytest.approx(np.add.reduceat(c * c, edge), rel=1e-12)
+        assert found.frequency == pytest.approx(
+            np.exp(np.add.reduceat(np.log(k), edge) / found.dof) / (2 * n * dt), rel=1e-12
+        )
+        for i, x in enumerate(columns):
+            scale = np.sqrt(np.add.reduceat(x * x, edge))
+            room = 1e-12 * scale * np.sqrt(found.power) + 1e-300
+            assert np.all(np.abs(found.design[i] - np.add.reduceat(x * c, edge)) <= room)
+            for j, y in enumerate(columns):
+                room = 1e-12 * scale * np.sqrt(np.add.reduceat(y * y, edge)) + 1e-300
+                assert np.all(np.abs(found.gram[i, j] - np.add.reduceat(x * y, edge)) <= room)
+
+
+def test_memory_of_an_identification():
+    """Two vectors of the length of the record beside it: the transform, and the phase."""
+    import tracemalloc
+
+    values = record(1_000_000, 21, noise=0.5)
+    identify(values[:5000], RATE)
+    tracemalloc.start()
+    identify(values, RATE)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2.0 * values.nbytes

@@ -7,7 +7,7 @@ nothing but the spectrum: deviations are averaged over what was measured.
 
 * Up to :data:`SHORT` samples: Gaussian conditional draw from the 16 samples on each side, with the autocovariance of
   the record itself, so that quantisation and the filter of a sensor go on as they are.
-* Longer ones: a straight line between the means of as many samples on each side as are missing, plus the deviation from
+* Longer ones: a straight line between means of samples on each side, plus the deviation from
   such a line of a piece that is simulated with the noise terms found so far.
 """
 
@@ -142,13 +142,16 @@ def _levels(values, gaps, reach, out):
         out[j] = total / many
 
 
-def bridge_long(values: Array, gaps: list[tuple[int, int]], simulate: Callable[[int], Array]) -> None:
+def bridge_long(values: Array, gaps: list[tuple[int, int]], width: int, simulate: Callable[[int], Array]) -> None:
     """Fill, or fill again, longer gaps in place.
 
     Parameters
     ----------
     values : (n,) array
     gaps : list of (int, int)
+    width : int
+        Samples on each side that tell the level best: the averaging time at which the Allan deviation is lowest. No
+        more than are missing are taken.
     simulate : callable
         Samples of the noise found so far, of a given number.
     """
@@ -156,7 +159,8 @@ def bridge_long(values: Array, gaps: list[tuple[int, int]], simulate: Callable[[
     for a, b in gaps:
         missing[a:b] = True
     for a, b in gaps:
-        begin, end = max(0, 2 * a - b), min(values.size, 2 * b - a)
+        reach = min(width, b - a)
+        begin, end = max(0, a - reach), min(values.size, b + reach)
         before, after = ~missing[begin:a], ~missing[b:end]
         drawn = simulate(end - begin)
         drawn_gap, drawn_line = (

@@ -179,11 +179,17 @@ def identify_and_bridge(
         clean = max(zip([0, *(b for _, b in long)], [*(a for a, _ in long), values.size], strict=True), key=_length)
         found = _identified(values[slice(*clean)], rate, terms, flicker_band, 0.0)
         for _ in range(_ROUNDS):
-            bridge_long(values, long, simulator(found.coefficients(), found.flicker, 1.0 / rate))
+            bridge_long(values, long, _quietest(found), simulator(found.coefficients(), found.flicker, 1.0 / rate))
             found = _identified(values, rate, terms, flicker_band, share)
     else:
         found = _identified(values, rate, terms, flicker_band, share)
     return replace(found, begin=part.start, filled=int(np.count_nonzero(missing))), values
+
+
+def _quietest(found: Identification) -> int:
+    """Averaging time, in samples, at which the Allan deviation of the model is lowest."""
+    factor = 2 ** np.arange(int(math.log2(found.span / found.spectrum.dt)))
+    return int(factor[np.argmin(np.nan_to_num(found.allan_variance(factor * found.spectrum.dt)))])
 
 
 def _length(bounds: tuple[int, int]) -> int:

@@ -94,8 +94,8 @@ def bin_sums(transform, dt, edge, out):
     edge : (b + 1,) int array
         Coefficients ``edge[j]`` to ``edge[j + 1] - 1`` are in bin j; the first is 1.
     out : (10, b) array
-        Of squares; of products with first sample, last sample, ramp; products of the regressors: first with
-        first, first with last, first with ramp, last with ramp, ramp with ramp; logarithms of the number of the coefficient.
+        Of squares; of products with first sample, last sample, ramp; products of the regressors: first with first,
+        first with last, first with ramp, last with ramp, ramp with ramp; logarithms of the number of the coefficient.
     """
     n = transform.size
     root = math.sqrt(2.0 / n * dt)
