@@ -22,7 +22,7 @@ _NEIGHBOURS = 30
 _SATURATED = 20
 _LEVELS = 30
 _TREND = 0.8
-_AT_ONCE = 1 << 18
+_AT_ONCE = 1 << 16
 """Samples that statistics of windows are made of at once, so that they need no memory to speak of."""
 
 

@@ -58,8 +58,7 @@ def study(
     part = _part(record, settings)
     notes = list(record.notes)
     for channel in part.channels:
-        seen = channel.values[np.isfinite(channel.values)]
-        if seen.size < 2 or np.ptp(seen) == 0.0:
+        if _constant(channel.values):
             raise InputError(
                 f"{part.source}: {channel.name} is constant: the channel is not connected, or stuck; leave it out or "
                 "record anew"
@@ -89,6 +88,12 @@ def study(
         part.source, part.rate, span, used.start, part.kind, rest, tuple(axes), models["gyro"], models["accel"],
         settings, tuple(dict.fromkeys(notes)),
     )  # fmt: skip
+
+
+def _constant(values: Array) -> bool:
+    there = np.isfinite(values)
+    low = np.min(values, where=there, initial=math.inf)
+    return not low < np.max(values, where=there, initial=-math.inf)
 
 
 def _check_settings(settings: StudySettings) -> None:
