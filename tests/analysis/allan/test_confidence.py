@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from navfuse.analysis.allan import deviation
-from navfuse.analysis.allan.confidence import degrees_of_freedom, interval, noise_exponents
+from navfuse.analysis.allan.confidence import degrees_of_freedom, interval
+from navfuse.analysis.allan.noise_types import noise_exponents
 
 STEP = {"adev": "m", "hdev": "m"}
 

@@ -1,0 +1,110 @@
+"""Which power law the noise follows at each averaging time, on which the confidence of a deviation depends.
+
+A type is the exponent alpha of the density of the rate, ``S(f) ~ f^alpha``; see
+:mod:`~navfuse.analysis.allan.confidence`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+Array = np.ndarray
+
+NoiseTypes = Callable[[Array], Array]
+"""Exponents at averaging times [s]; NaN where it does not know."""
+
+LEAST_ALPHA = {2: -2, 3: -4}
+"""Steepest noise for which a variance from differences of this order converges."""
+
+_SHORTEST_ACF = 30
+_LONGEST_ACF = 1 << 15
+_DOUBT = 2.0
+"""Standard deviations that a type has to differ by from the one before."""
+
+
+def types_of_model(variance: Callable[[Array], Array]) -> NoiseTypes:
+    """Noise types from a model of the Allan variance: its local slope mu tells ``alpha = -1 - mu``.
+
+    Parameters
+    ----------
+    variance : callable
+        Allan variance at averaging times [s]; NaN or 0 where there is no model.
+
+    Notes
+    -----
+    NIST SP 1065, section 5.5: tau^-2 stands for both phase noises and is taken for quantisation (alpha = 2), tau^-1
+    for white noise, tau^0 for flicker noise and tau^1 for a random walk. The slope is that between 0.9 and 1.1 tau.
+    """
+
+    def types(tau: Array) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steps = np.log(variance(1.1 * tau)) - np.log(variance(0.9 * tau))
+        slope = steps / np.log(1.1 / 0.9)
+        return np.where(slope < -1.5, 2.0, np.rint(-1.0 - slope))
+
+    return types
+
+
+def noise_exponents(phase: Array, factors: Array, order: int = 2) -> Array:
+    """Noise type at each averaging time, from the lag-1 autocorrelation of the averaged data.
+
+    The phase is taken every m samples, a parabola removed, and differenced until it is stationary; the lag-1
+    autocorrelation of what remains tells the exponent (Riley and Greenhall, "Power law noise identification using the
+    lag 1 autocorrelation", 18th EFTF, 2004; NIST SP 1065, section 5.5.2). Of a long record the first 32 768 points are
+    enough.
+
+    Parameters
+    ----------
+    phase : (n + 1,) array
+    factors : (t,) int array
+        Increasing.
+    order : {2, 3}
+        Order of difference of the variance: Hadamard variances tell steeper noise.
+
+    Returns
+    -------
+    (t,) int array
+        alpha, 2 to -2, or to -4.
+
+    Notes
+    -----
+    The source takes the nearest type down to 30 points and keeps that one from there on. But with 30 points the
+    exponent has a standard deviation of 0.4: of white noise every fourth record is taken for something else, for
+    flicker phase noise as a rule, whose edf are so many that 95 % intervals cover 80 % at all longer times. Here the
+    type of the averaging time before is kept unless the exponent differs from it by more than two standard deviations,
+    and then the nearest one within these is taken. Beyond the last 30 points the last type is kept, but no phase noise
+    (alpha > 0): the record does not show that nothing else has emerged by then, and less edf are the safe side.
+    """
+    found = np.zeros(factors.size, dtype=np.int64)
+    previous: int | None = None
+    for k, m in enumerate(factors):
+        sampled = phase[: m * _LONGEST_ACF : m]
+        if sampled.size >= _SHORTEST_ACF:
+            exponent, sd = _exponent(sampled, order)
+            if previous is None:
+                previous = round(exponent)
+            elif abs(exponent - previous) > 0.5:
+                previous = round(float(np.clip(previous, exponent - _DOUBT * sd, exponent + _DOUBT * sd)))
+        else:
+            previous = min(previous or 0, 0)
+        found[k] = previous
+    return np.clip(found, LEAST_ALPHA[order], 2)
+
+
+def _exponent(phase: Array, order: int) -> tuple[float, float]:
+    """Exponent and its standard deviation, that of a correlation coefficient near 0."""
+    where = np.linspace(-1.0, 1.0, phase.size)
+    z = phase - np.polynomial.polynomial.polyval(where, np.polynomial.polynomial.polyfit(where, phase, 2))
+    for d in range(order + 1):
+        z = z - z.mean()
+        power = float(z @ z)
+        if power == 0.0:
+            return 0.0, 0.0
+        r = float(z[1:] @ z[:-1]) / power
+        delta = r / (1.0 + r)
+        if delta < 0.25 or d == order:
+            return 2.0 - 2.0 * (delta + d), 2.0 / ((1.0 + r) ** 2 * np.sqrt(z.size))
+        z = np.diff(z)
+    raise AssertionError
