@@ -195,7 +195,7 @@ def curve_of_phases(
     tau = factors / rate
     scale = (6.0 if ORDER[kind] == 3 else 2.0) * tau**2 * count * (factors**2.0 if kind == "mdev" else 1.0)
     variance = total / scale
-    exponents = _exponents(alpha, phases, factors, tau, ORDER[kind])
+    exponents = _exponents(alpha, phases, factors, tau, kind, variance)
     edf, bias = np.empty(factors.size), np.ones(factors.size)
     low, high = np.empty(factors.size), np.empty(factors.size)
     for k, (m, a) in enumerate(zip(factors.tolist(), exponents.tolist(), strict=True)):
@@ -207,17 +207,15 @@ def curve_of_phases(
 
 
 def _exponents(
-    alpha: int | NoiseTypes | Literal["auto"], phases: Phases, factors: Array, tau: Array, order: int
+    alpha: int | NoiseTypes | Literal["auto"], phases: Phases, factors: Array, tau: Array, kind: str, variance: Array
 ) -> Array:
     if isinstance(alpha, int | np.integer):
         return np.full(factors.size, int(alpha))
     given = np.full(factors.size, np.nan) if isinstance(alpha, str) else np.asarray(alpha(tau), dtype=float)
     known = np.isfinite(given)
-    if known.all():
-        found = given
-    else:
-        found = np.where(known, given, noise_exponents(phases.longest(), factors, order))
-    return np.clip(np.rint(found), LEAST_ALPHA[order], 2).astype(np.int64)
+    if not known.all():
+        given = np.where(known, given, noise_exponents(phases.longest(), factors, kind, variance))
+    return np.clip(np.rint(given), LEAST_ALPHA[ORDER[kind]], 2).astype(np.int64)
 
 
 def _spread(
@@ -229,7 +227,7 @@ def _spread(
     share = count / (count @ times)
     bias = float((share * times) @ total_bias(alpha, m, size)) if kind == "totdev" else 1.0
     edf = pooled(degrees_of_freedom(kind, alpha, m, size), count, times)
-    if edf >= FEWEST or (alpha > 0 and kind != "totdev"):
+    if edf >= FEWEST or (alpha > 0 and kind in ("oadev", "ohdev")):  # of those the edf go with the samples in tau
         low, high = interval(np.ones(1), np.array([edf]), level)
         return edf, bias, float(low[0]), float(high[0])
     parts = np.concatenate(

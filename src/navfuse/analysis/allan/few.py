@@ -33,8 +33,7 @@ def weights(kind: str, alpha: int, m: int, n: int) -> Array:
     kind : str
         As for :func:`~navfuse.analysis.allan.confidence.degrees_of_freedom`.
     alpha : int
-        Noise of the rate: 0 and less. Of phase noise the weights depend on the samples per averaging time too; those of
-        the total variance, which hang on the two ends, do so little.
+        Not phase noise for overlapping deviations but "mdev": its weights depend on the samples in an averaging time.
     m, n : int
         Averaging factor, and samples of the stretch.
 

@@ -19,6 +19,7 @@ LEAST_ALPHA = {2: -2, 3: -4}
 """Steepest noise for which a variance from differences of this order converges."""
 
 _SHORTEST_ACF = 30
+_CERTAIN_ACF = 64
 _LONGEST_ACF = 1 << 15
 _DOUBT = 2.0
 """Standard deviations that a type has to differ by from the one before."""
@@ -47,7 +48,7 @@ def types_of_model(variance: Callable[[Array], Array]) -> NoiseTypes:
     return types
 
 
-def noise_exponents(phase: Array, factors: Array, order: int = 2) -> Array:
+def noise_exponents(phase: Array, factors: Array, kind: str = "oadev", variance: Array | None = None) -> Array:
     """Noise type at each averaging time, from the lag-1 autocorrelation of the averaged data.
 
     The phase is taken every m samples, a parabola removed, and differenced until it is stationary; the lag-1
@@ -60,8 +61,10 @@ def noise_exponents(phase: Array, factors: Array, order: int = 2) -> Array:
     phase : (n + 1,) array
     factors : (t,) int array
         Increasing.
-    order : {2, 3}
-        Order of difference of the variance: Hadamard variances tell steeper noise.
+    kind : str
+        Deviation that the types are for; Hadamard variances tell steeper noise.
+    variance : (t,) array, optional
+        Its square as estimated.
 
     Returns
     -------
@@ -71,14 +74,17 @@ def noise_exponents(phase: Array, factors: Array, order: int = 2) -> Array:
     Notes
     -----
     The source takes the nearest type down to 30 points and keeps that one from there on. But with 30 points the
-    exponent has a standard deviation of 0.4: of white noise every fourth record is taken for something else, for
+    exponent has a standard deviation of 0.4 to 0.7: of white noise every fourth record is taken for something else, for
     flicker phase noise as a rule, whose edf are so many that 95 % intervals cover 80 % at all longer times. Here the
     type of the averaging time before is kept unless the exponent differs from it by more than two standard deviations,
-    and then the nearest one within these is taken. Beyond the last 30 points the last type is kept, but no phase noise
-    (alpha > 0): the record does not show that nothing else has emerged by then, and less edf are the safe side.
+    and then the nearest one within these is taken; with fewer than 64 points, whose exponents are too large on average,
+    steeper ones only. Beyond the last 30 points the last type is kept, phase noise (alpha > 0) for as long as the
+    variance falls as it should: where it is twice what it should be, noise of the rate has emerged.
     """
+    order = 3 if kind in ("hdev", "ohdev") else 2
     found = np.zeros(factors.size, dtype=np.int64)
     previous: int | None = None
+    last = 0
     for k, m in enumerate(factors):
         sampled = phase[: m * _LONGEST_ACF : m]
         if sampled.size >= _SHORTEST_ACF:
@@ -86,9 +92,15 @@ def noise_exponents(phase: Array, factors: Array, order: int = 2) -> Array:
             if previous is None:
                 previous = round(exponent)
             elif abs(exponent - previous) > 0.5:
-                previous = round(float(np.clip(previous, exponent - _DOUBT * sd, exponent + _DOUBT * sd)))
-        else:
-            previous = min(previous or 0, 0)
+                near = round(float(np.clip(previous, exponent - _DOUBT * sd, exponent + _DOUBT * sd)))
+                previous = near if sampled.size >= _CERTAIN_ACF else min(near, previous)
+            last = k
+        elif previous is None:
+            previous = 0
+        elif previous > 0:
+            power = 3 if kind == "mdev" and previous == 2 else 2
+            if variance is None or variance[k] * m**power > 2.0 * variance[last] * factors[last] ** power:
+                previous = 0
         found[k] = previous
     return np.clip(found, LEAST_ALPHA[order], 2)
 
