@@ -87,7 +87,7 @@ def _correlations(kind: str, alpha: int, m: int) -> Array:
     return r / r[0]
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=128)
 def _sums_of_squares(kind: str, alpha: int, m: int) -> tuple[Array, Array]:
     """Sums of squared correlations up to each lag, and of these times the lag."""
     squares = _correlations(kind, alpha, m) ** 2

@@ -230,8 +230,6 @@ def _spread(
     if edf >= FEWEST or (alpha > 0 and kind in ("oadev", "ohdev")):  # of those the edf go with the samples in tau
         low, high = interval(np.ones(1), np.array([edf]), level)
         return edf, bias, float(low[0]), float(high[0])
-    parts = np.concatenate(
-        [np.tile(share[k] * weights(kind, alpha, m, int(n)), times[k]) for k, n in enumerate(size)]
-    )
+    parts = np.concatenate([np.tile(share[k] * weights(kind, alpha, m, int(n)), times[k]) for k, n in enumerate(size)])
     few, many = quantiles(parts, np.array([0.5 - level / 2.0, 0.5 + level / 2.0]))
     return 1.0 / float(parts @ parts), bias, 1.0 / float(many), 1.0 / float(few)

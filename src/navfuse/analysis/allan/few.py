@@ -47,14 +47,15 @@ def weights(kind: str, alpha: int, m: int, n: int) -> Array:
     if kind == "totdev":
         size = max(round(n * grid / m), grid + 1)
     elif kind in OVERLAPPING:
-        least, spare = (d * grid, n - d * m) if kind != "mdev" else (3 * grid - 1, n - 3 * m + 1)
-        size = least + round(spare * grid / m)
+        longer = d * m + (m - 1 if kind == "mdev" else 0)
+        number = max(round((n - longer + 1) * grid / m), 1)
+        size = d * grid + (grid - 1 if kind == "mdev" else 0) + number - 1
     else:
         size = n // m * grid
     return _weights(kind, alpha, grid, size)
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=1024)
 def _weights(kind: str, alpha: int, m: int, n: int) -> Array:
     rows = differences(kind, m, n)
     lag = np.arange(n + 1)
@@ -101,6 +102,8 @@ def quantiles(parts: Array, probability: Array) -> Array:
     Saddlepoint approximation of the distribution in the form of Barndorff-Nielsen, ``P = Phi(w + log(v / w) / w)``
     with ``w^2 / 2 = s x - K(s)``, ``v = s sqrt(K''(s))`` and ``K'(s) = x`` (Lugannani and Rice, Adv. Appl. Prob. 12,
     1980; Kuonen, Biometrika 86, 1999, for quadratic forms). It is evaluated along s, so that nothing has to be solved.
+    It is off by up to 0.016 in probability, for one large weight beside many small ones; by 0.002 for equal weights but
+    a single one, 0.006.
     """
     from scipy.special import ndtri
 

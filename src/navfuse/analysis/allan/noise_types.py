@@ -78,8 +78,9 @@ def noise_exponents(phase: Array, factors: Array, kind: str = "oadev", variance:
     flicker phase noise as a rule, whose edf are so many that 95 % intervals cover 80 % at all longer times. Here the
     type of the averaging time before is kept unless the exponent differs from it by more than two standard deviations,
     and then the nearest one within these is taken; with fewer than 64 points, whose exponents are too large on average,
-    steeper ones only. Beyond the last 30 points the last type is kept, phase noise (alpha > 0) for as long as the
-    variance falls as it should: where it is twice what it should be, noise of the rate has emerged.
+    steeper ones only. Beyond the last 30 points the last type is kept, with two exceptions for phase noise, whose edf
+    are many. White phase noise is kept for as long as the variance falls as it should: where it is twice as large, noise
+    of the rate has emerged. Flicker phase noise is not kept; it is mostly white noise about to emerge.
     """
     order = 3 if kind in ("hdev", "ohdev") else 2
     found = np.zeros(factors.size, dtype=np.int64)
@@ -97,8 +98,10 @@ def noise_exponents(phase: Array, factors: Array, kind: str = "oadev", variance:
             last = k
         elif previous is None:
             previous = 0
-        elif previous > 0:
-            power = 3 if kind == "mdev" and previous == 2 else 2
+        elif previous == 1:
+            previous = 0
+        elif previous > 1:
+            power = 3 if kind == "mdev" else 2
             if variance is None or variance[k] * m**power > 2.0 * variance[last] * factors[last] ** power:
                 previous = 0
         found[k] = previous
@@ -107,16 +110,23 @@ def noise_exponents(phase: Array, factors: Array, kind: str = "oadev", variance:
 
 def _exponent(phase: Array, order: int) -> tuple[float, float]:
     """Exponent and its standard deviation, that of a correlation coefficient near 0."""
-    where = np.linspace(-1.0, 1.0, phase.size)
-    z = phase - np.polynomial.polynomial.polyval(where, np.polynomial.polynomial.polyfit(where, phase, 2))
+    line = np.linspace(-1.0, 1.0, phase.size)
+    z = phase - phase.mean()
+    for shape in (line, line**2 - np.mean(line**2)):  # orthogonal, so that one goes after the other
+        z -= _dot(z, shape) / _dot(shape, shape) * shape
     for d in range(order + 1):
         z = z - z.mean()
-        power = float(z @ z)
+        power = _dot(z, z)
         if power == 0.0:
             return 0.0, 0.0
-        r = float(z[1:] @ z[:-1]) / power
+        r = _dot(z[1:], z[:-1]) / power
         delta = r / (1.0 + r)
         if delta < 0.25 or d == order:
             return 2.0 - 2.0 * (delta + d), 2.0 / ((1.0 + r) ** 2 * np.sqrt(z.size))
         z = np.diff(z)
     raise AssertionError
+
+
+def _dot(a: Array, b: Array) -> float:
+    """Without a linear algebra library, whose threads take longer to start than this sum."""
+    return float(np.einsum("i,i", a, b))
