@@ -82,7 +82,8 @@ def simulate_scenario(
             f"{folder}: {', '.join(foreign)} would be replaced, and no earlier simulation wrote it; choose another "
             "folder"
         )
-    with atomic_folder(folder, stale=earlier) as staging:
+    stale = earlier
+    with atomic_folder(folder, stale=stale) as staging:
         tell("simulate", 0.0)
         logs = run_scenario(chosen, seed)
         tell("simulate", 1.0)

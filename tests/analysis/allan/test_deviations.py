@@ -277,6 +277,7 @@ def test_unknown_grids(grid):
         ({"level": 1.0}, "level = 1.0 must be a probability"),
         ({"grid": np.array([0, 1])}, "averaging factors must be whole numbers of samples"),
         ({"data": "angles"}, 'data = \'angles\' must be "rates", "increments" or "phase"'),
+        ({"alpha": "white"}, "alpha = 'white' must be a whole number"),
         ({"gaps": "fill"}, 'gaps = \'fill\' must be "split" or "refuse"'),
     ],
 )

@@ -21,7 +21,7 @@ def test_the_matrix_is_the_definition(kind, m, n):
 @pytest.mark.parametrize("alpha", [0, -1, -2])
 @pytest.mark.parametrize("times", [4.0, 5.3, 7.5])
 def test_sixteen_points_in_an_averaging_time_stand_for_many(kind, alpha, times):
-    """Limits of a deviation within 2 %."""
+    """Limits of a deviation within 2.5 %."""
     m = 80
     n = round(m * times)
     exact = np.linalg.eigvalsh(covariance(kind, alpha, m, n))[::-1]
@@ -30,7 +30,9 @@ def test_sixteen_points_in_an_averaging_time_stand_for_many(kind, alpha, times):
     assert found.sum() == pytest.approx(1.0)
     shared = min(4, found.size)
     assert found[:shared] == pytest.approx(exact[:shared], abs=0.015)
-    assert np.sqrt(quantiles(found, LEVELS)) == pytest.approx(np.sqrt(quantiles(exact[exact > 1e-9], LEVELS)), rel=0.02)
+    assert np.sqrt(quantiles(found, LEVELS)) == pytest.approx(
+        np.sqrt(quantiles(exact[exact > 1e-9], LEVELS)), rel=0.025
+    )
 
 
 @pytest.mark.parametrize("k", [1, 2, 3, 8])

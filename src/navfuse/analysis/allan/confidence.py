@@ -122,7 +122,7 @@ def degrees_of_freedom(kind: str, alpha: int, m: int, n: Array | int) -> Array:
     smaller one, so that the interval is too wide rather than too narrow.
 
     Total variance: the fits of NIST SP 1065, table 7, are for many samples in the averaging time and go to infinity for
-    few; here they are times what sampling does to n - 1 differences of which none is mirrored: within 1 % of the
+    few; here they are times what sampling does to n - 1 differences of which none is mirrored: within 2 % of the
     covariance written out up to half the record. Of phase noise, for which there is no table, the mirrored ends repeat
     the noise of the first and the last point.
     """
@@ -187,9 +187,10 @@ def total_bias(alpha: int, m: int, n: Array | int) -> Array:
     Notes
     -----
     Greenhall, Howe and Percival, "Total variance, an estimator of long-term frequency stability", IEEE Trans. UFFC 46
-    (1999); NIST SP 1065, table 7. It holds within 0.005 until three quarters of the record, 0.03 until the whole. Of phase noise, which the
-    table does not have, a mirrored end adds the noise of the end point: a = 4/3 for alpha = 2, where m - 1 differences
-    at each end have variance 10 instead of 6, and 0.95 for alpha = 1, a fit to covariances written out.
+    (1999); NIST SP 1065, table 7. It holds within 0.007 until three quarters of the record, 0.03 until the whole. Of
+    phase noise, which the table does not have, a mirrored end adds the noise of the end point: a = 4/3 for alpha = 2,
+    where m - 1 differences at each end have variance 10 instead of 6, and 0.95 for alpha = 1, a fit to covariances
+    written out.
     """
     return 1.0 + _TOTAL_BIAS[max(alpha, -2)] * m / np.asarray(n, dtype=np.float64)
 

@@ -159,15 +159,14 @@ def curve_of_phases(
     level: float = ONE_SIGMA,
     longest_s: float | None = None,
 ) -> DeviationCurve:
-    """As :func:`deviation`, from the stretches of phase that
-    :func:`~navfuse.analysis.allan.phase.phase_stretches` makes; they may be used again.
+    """As :func:`deviation`, from stretches of phase, which may be used again.
 
     Raises
     ------
     InputError
         If no stretch is long enough.
     ConfigError
-        For an unknown grid.
+        For an unknown grid, or an `alpha` that is none.
     """
     longest = int(phases.size.max()) // _LONGEST[kind]
     if kind in ("adev", "oadev", "hdev", "ohdev", "mdev") and longest_s is None:
@@ -185,13 +184,15 @@ def curve_of_phases(
         raise ConfigError("averaging factors must be whole numbers of samples, at least 1")
     overlapping = kind not in ("adev", "hdev")
     size, times = np.unique(phases.size, return_counts=True)
-    counts = difference_counts(_KERNEL[kind], size, factors, overlapping)
-    kept = counts[:, -1] > 0
-    factors, counts = factors[kept], counts[kept]
+    factors = factors[difference_counts(_KERNEL[kind], size[-1:], factors, overlapping)[:, 0] > 0]
     if factors.size == 0:
         raise InputError(f"the record is too short for a {KINDS[kind]} at the averaging times asked for")
     total = sum_squares(phases.points, phases.begin, phases.size, _KERNEL[kind], factors, overlapping)
-    count = counts @ times
+
+    def counts(k: int) -> Array:  # of all averaging times at once they might take more memory than the record
+        return difference_counts(_KERNEL[kind], size, factors[k : k + 1], overlapping)[0]
+
+    count = np.array([counts(k) @ times for k in range(factors.size)])
     tau = factors / rate
     scale = (6.0 if ORDER[kind] == 3 else 2.0) * tau**2 * count * (factors**2.0 if kind == "mdev" else 1.0)
     variance = total / scale
@@ -199,7 +200,7 @@ def curve_of_phases(
     edf, bias = np.empty(factors.size), np.ones(factors.size)
     low, high = np.empty(factors.size), np.empty(factors.size)
     for k, (m, a) in enumerate(zip(factors.tolist(), exponents.tolist(), strict=True)):
-        edf[k], bias[k], low[k], high[k] = _spread(kind, a, m, size, times, counts[k], level)
+        edf[k], bias[k], low[k], high[k] = _spread(kind, a, m, size, times, counts(k), level)
     return DeviationCurve(
         kind, tau, factors, np.sqrt(variance), np.sqrt(variance / bias * low), np.sqrt(variance / bias * high),
         edf, exponents, count, level, bias,
@@ -210,8 +211,13 @@ def _exponents(
     alpha: int | NoiseTypes | Literal["auto"], phases: Phases, factors: Array, tau: Array, kind: str, variance: Array
 ) -> Array:
     if isinstance(alpha, int | np.integer):
-        return np.full(factors.size, int(alpha))
-    given = np.full(factors.size, np.nan) if isinstance(alpha, str) else np.asarray(alpha(tau), dtype=float)
+        given = np.full(factors.size, float(alpha))
+    elif callable(alpha):
+        given = np.asarray(alpha(tau), dtype=float)
+    elif alpha == "auto":
+        given = np.full(factors.size, np.nan)
+    else:
+        raise ConfigError(f'alpha = {alpha!r} must be a whole number, "auto", or a function of averaging times')
     known = np.isfinite(given)
     if not known.all():
         given = np.where(known, given, noise_exponents(phases.longest(), factors, kind, variance))

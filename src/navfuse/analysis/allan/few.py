@@ -15,7 +15,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from navfuse.analysis.allan.confidence import LEAST_ALPHA, ORDER, OVERLAPPING, autocovariance
+from navfuse.analysis.allan.confidence import ORDER, OVERLAPPING, autocovariance
+from navfuse.analysis.allan.noise_types import LEAST_ALPHA
 
 Array = np.ndarray
 

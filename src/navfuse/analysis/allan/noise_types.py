@@ -79,8 +79,8 @@ def noise_exponents(phase: Array, factors: Array, kind: str = "oadev", variance:
     type of the averaging time before is kept unless the exponent differs from it by more than two standard deviations,
     and then the nearest one within these is taken; with fewer than 64 points, whose exponents are too large on average,
     steeper ones only. Beyond the last 30 points the last type is kept, with two exceptions for phase noise, whose edf
-    are many. White phase noise is kept for as long as the variance falls as it should: where it is twice as large, noise
-    of the rate has emerged. Flicker phase noise is not kept; it is mostly white noise about to emerge.
+    are many. White phase noise is kept for as long as the variance falls as it should: where it is twice as large,
+    noise of the rate has emerged. Flicker phase noise is not kept; it is mostly white noise about to emerge.
     """
     order = 3 if kind in ("hdev", "ohdev") else 2
     found = np.zeros(factors.size, dtype=np.int64)
@@ -98,12 +98,10 @@ def noise_exponents(phase: Array, factors: Array, kind: str = "oadev", variance:
             last = k
         elif previous is None:
             previous = 0
-        elif previous == 1:
-            previous = 0
-        elif previous > 1:
-            power = 3 if kind == "mdev" else 2
-            if variance is None or variance[k] * m**power > 2.0 * variance[last] * factors[last] ** power:
-                previous = 0
+        elif previous > 0:
+            power = 3.0 if kind == "mdev" else 2.0
+            falls = variance is not None and variance[k] < 2.0 * variance[last] * (factors[last] / m) ** power
+            previous = 2 if previous == 2 and falls else 0
         found[k] = previous
     return np.clip(found, LEAST_ALPHA[order], 2)
 
