@@ -82,8 +82,7 @@ def simulate_scenario(
             f"{folder}: {', '.join(foreign)} would be replaced, and no earlier simulation wrote it; choose another "
             "folder"
         )
-    stale = earlier
-    with atomic_folder(folder, stale=stale) as staging:
+    with atomic_folder(folder, stale=earlier) as staging:
         tell("simulate", 0.0)
         logs = run_scenario(chosen, seed)
         tell("simulate", 1.0)

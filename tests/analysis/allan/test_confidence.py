@@ -31,7 +31,7 @@ def test_flicker_against_the_covariance_written_out(kind, alpha, m, n):
 
 def test_flicker_of_phase_and_the_steepest_noise_have_the_correlations_of_their_density():
     """The inverse transform of ``sin(pi f tau)^(2d) / f^(2 - alpha)``, of phase that is averaged over a sample."""
-    frequency = (np.arange(2_000_000) + 0.5) * 1e-5
+    frequency = (np.arange(400_000) + 0.5) * 5e-5
     for kind, alpha, d, m in (("oadev", 1, 2, 5), ("ohdev", -4, 3, 4)):
         density = np.sin(np.pi * frequency * m) ** (2 * d) / frequency ** (2 - alpha)
         if alpha == 1:
@@ -148,11 +148,11 @@ def check_coverage(kind, noise, alpha, runs, n, factors):
         assert np.all(good | (edf < 1.95)), (level, inside, edf)
 
 
-@pytest.mark.parametrize("kind", ["oadev", "ohdev", "mdev", "adev", "hdev", "totdev"])
+@pytest.mark.parametrize("kind", ["oadev", "ohdev", "totdev"])
 @pytest.mark.parametrize("noise", NOISES)
 def test_intervals_cover_the_truth_as_often_as_they_say(kind, noise):
     """Also where the noise type has to be found, and where few averaging times are in the record."""
-    check_coverage(kind, noise, "auto", 250, 1000, np.array([8, 32, 64, 125, 181, 256]))
+    check_coverage(kind, noise, "auto", 120, 1000, np.array([8, 32, 64, 125, 181, 256]))
 
 
 @pytest.mark.slow
@@ -161,4 +161,4 @@ def test_intervals_cover_the_truth_as_often_as_they_say(kind, noise):
 @pytest.mark.parametrize("noise", NOISES)
 def test_intervals_cover_the_truth_in_many_records(kind, noise, given):
     factors = np.array([2, 8, 20, 32, 64, 90, 125, 181, 256, 300, 400])
-    check_coverage(kind, noise, noise if given else "auto", 3000, 1000, factors)
+    check_coverage(kind, noise, noise if given else "auto", 1500, 1000, factors)

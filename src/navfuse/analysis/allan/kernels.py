@@ -4,8 +4,8 @@ Every estimator works on one cumulative sum, the phase: the angle (or speed) tha
 between gaps lie one behind the other in one array. The work is cut into pieces of fixed size, whatever the number of
 threads, and the pieces are added in a fixed order, so that the result is the same to the last bit on one core and on
 many. A long stretch is several pieces; many short ones are one, or starting the threads would take longer than the
-sum. ``reassoc`` lets the compiler keep several partial sums in a vector register within a piece; it changes the rounding
-once, when it compiles, and not from run to run.
+sum. ``reassoc`` lets the compiler keep several partial sums in a vector register within a piece; it changes the
+rounding once, when it compiles, and not from run to run.
 """
 
 from __future__ import annotations
