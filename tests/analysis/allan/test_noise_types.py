@@ -30,6 +30,14 @@ def test_white_noise_is_not_taken_for_phase_noise_at_long_times():
     assert np.mean(wrong) < 0.05
 
 
+def test_a_type_does_not_hang_on_the_other_averaging_times():
+    """Long ones alone are asked for: the shorter ones are looked at all the same."""
+    rng = np.random.default_rng(6)
+    long = np.array([128, 1024])
+    wrong = [np.any(noise_exponents(phase_of(rng.standard_normal(4000)), long) != 0) for _ in range(200)]
+    assert np.mean(wrong) < 0.05
+
+
 def test_steeper_noise_is_followed_down_to_few_points():
     rng = np.random.default_rng(7)
     ends = [

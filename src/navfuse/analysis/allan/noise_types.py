@@ -75,18 +75,21 @@ def noise_exponents(phase: Array, factors: Array, kind: str = "oadev", variance:
     -----
     The source takes the nearest type down to 30 points and keeps that one from there on. But with 30 points the
     exponent has a standard deviation of 0.4 to 0.7: of white noise every fourth record is taken for something else, for
-    flicker phase noise as a rule, whose edf are so many that 95 % intervals cover 80 % at all longer times. Here the
-    type of the averaging time before is kept unless the exponent differs from it by more than two standard deviations,
+    flicker phase noise as a rule, whose edf are so many that 95 % intervals cover 80 % at all longer times. Here, in
+    steps of an octave at most, the type of the averaging time before is kept unless the exponent differs from it by more than two standard deviations,
     and then the nearest one within these is taken; with fewer than 64 points, whose exponents are too large on average,
     steeper ones only. Beyond the last 30 points the last type is kept, with two exceptions for phase noise, whose edf
     are many. White phase noise is kept for as long as the variance falls as it should: where it is twice as large,
     noise of the rate has emerged. Flicker phase noise is not kept; it is mostly white noise about to emerge.
     """
     order = 3 if kind in ("hdev", "ohdev") else 2
+    wanted = {int(m): k for k, m in enumerate(factors)}
+    octaves = 1 << np.arange(int(factors[-1]).bit_length())
     found = np.zeros(factors.size, dtype=np.int64)
     previous: int | None = None
-    last = 0
-    for k, m in enumerate(factors):
+    last: int | None = None
+    for m in np.union1d(octaves, factors).tolist():
+        k = wanted.get(m)
         sampled = phase[: m * _LONGEST_ACF : m]
         if sampled.size >= _SHORTEST_ACF:
             exponent, sd = _exponent(sampled, order)
@@ -95,14 +98,16 @@ def noise_exponents(phase: Array, factors: Array, kind: str = "oadev", variance:
             elif abs(exponent - previous) > 0.5:
                 near = round(float(np.clip(previous, exponent - _DOUBT * sd, exponent + _DOUBT * sd)))
                 previous = near if sampled.size >= _CERTAIN_ACF else min(near, previous)
-            last = k
+            last = last if k is None else k
         elif previous is None:
             previous = 0
-        elif previous > 0:
+        elif previous > 0 and k is not None:
             power = 3.0 if kind == "mdev" else 2.0
-            falls = variance is not None and variance[k] < 2.0 * variance[last] * (factors[last] / m) ** power
+            known = variance is not None and last is not None
+            falls = known and variance[k] < 2.0 * variance[last] * (factors[last] / m) ** power
             previous = 2 if previous == 2 and falls else 0
-        found[k] = previous
+        if k is not None:
+            found[k] = previous
     return np.clip(found, LEAST_ALPHA[order], 2)
 
 
