@@ -76,9 +76,9 @@ def noise_exponents(phase: Array, factors: Array, kind: str = "oadev", variance:
     The source takes the nearest type down to 30 points and keeps that one from there on. But with 30 points the
     exponent has a standard deviation of 0.4 to 0.7: of white noise every fourth record is taken for something else, for
     flicker phase noise as a rule, whose edf are so many that 95 % intervals cover 80 % at all longer times. Here, in
-    steps of an octave at most, the type of the averaging time before is kept unless the exponent differs from it by more than two standard deviations,
-    and then the nearest one within these is taken; with fewer than 64 points, whose exponents are too large on average,
-    steeper ones only. Beyond the last 30 points the last type is kept, with two exceptions for phase noise, whose edf
+    steps of an octave at most, the type of the averaging time before is kept unless the exponent differs from it by
+    more than two standard deviations, and then the nearest one within these is taken; with fewer than 64 points, whose
+    exponents are too large on average, steeper ones only. Beyond the last 30 points the last type is kept, with two exceptions for phase noise, whose edf
     are many. White phase noise is kept for as long as the variance falls as it should: where it is twice as large,
     noise of the rate has emerged. Flicker phase noise is not kept; it is mostly white noise about to emerge.
     """
@@ -103,8 +103,9 @@ def noise_exponents(phase: Array, factors: Array, kind: str = "oadev", variance:
             previous = 0
         elif previous > 0 and k is not None:
             power = 3.0 if kind == "mdev" else 2.0
-            known = variance is not None and last is not None
-            falls = known and variance[k] < 2.0 * variance[last] * (factors[last] / m) ** power
+            falls = False
+            if variance is not None and last is not None:
+                falls = bool(variance[k] < 2.0 * variance[last] * (factors[last] / m) ** power)
             previous = 2 if previous == 2 and falls else 0
         if k is not None:
             found[k] = previous
