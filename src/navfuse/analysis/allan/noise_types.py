@@ -78,9 +78,10 @@ def noise_exponents(phase: Array, factors: Array, kind: str = "oadev", variance:
     flicker phase noise as a rule, whose edf are so many that 95 % intervals cover 80 % at all longer times. Here, in
     steps of an octave at most, the type of the averaging time before is kept unless the exponent differs from it by
     more than two standard deviations, and then the nearest one within these is taken; with fewer than 64 points, whose
-    exponents are too large on average, steeper ones only. Beyond the last 30 points the last type is kept, with two exceptions for phase noise, whose edf
-    are many. White phase noise is kept for as long as the variance falls as it should: where it is twice as large,
-    noise of the rate has emerged. Flicker phase noise is not kept; it is mostly white noise about to emerge.
+    exponents are too large on average, steeper ones only. Beyond the last 30 points the last type is kept, with two
+    exceptions for phase noise, whose edf are many. White phase noise is kept for as long as the variance falls as it
+    should: where it is twice as large, noise of the rate has emerged. Flicker phase noise is not kept; it is mostly
+    white noise about to emerge.
     """
     order = 3 if kind in ("hdev", "ohdev") else 2
     wanted = {int(m): k for k, m in enumerate(factors)}
