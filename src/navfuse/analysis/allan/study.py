@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 
 from navfuse.analysis.allan import notes as remarks
-from navfuse.analysis.allan.deviations import KINDS, curve_of_phases, phase_stretches
+from navfuse.analysis.allan.deviations import KINDS, curve_of_phases
 from navfuse.analysis.allan.identify import SHORTEST, Identification, identify_and_bridge
+from navfuse.analysis.allan.noise_types import types_of_model
+from navfuse.analysis.allan.phase import phase_stretches
 from navfuse.analysis.allan.precheck import StaticSpan, check_channel, static_span
 from navfuse.analysis.allan.recommend import BiasModel, bias_model
 from navfuse.analysis.allan.results import AllanStudy, AxisStudy, StudySettings
 from navfuse.analysis.allan.spectra import autocorrelation, power_spectrum
+from navfuse.analysis.allan.terms import RANDOM_TERMS
 from navfuse.errors import ConfigError, InputError
 from navfuse.io.static_record import StaticRecord
 
@@ -169,18 +172,19 @@ def _axis(record: StaticRecord, channel: Any, settings: StudySettings) -> AxisSt
             "from the start; --gaps split averages over the stretches between"
         )
     check = check_channel(values, record.rate)
-    phases = phase_stretches(values, record.rate)
-    curves = {
-        kind: curve_of_phases(
-            phases, record.rate, kind, grid=settings.grid, level=settings.level, longest_s=settings.longest_s
-        )
-        for kind in settings.kinds
-    }
-    del phases
     try:
         found, whole = identify_and_bridge(values, record.rate, settings.terms, settings.flicker_band)
     except InputError as error:
         raise InputError(f"{record.source}: {channel.name}: {error}") from error
+    phases = phase_stretches(values, record.rate)
+    curves = {
+        kind: curve_of_phases(
+            phases, record.rate, kind, grid=settings.grid, level=settings.level, longest_s=settings.longest_s,
+            alpha=types_of_model(lambda tau: _random_part(found, tau)),
+        )
+        for kind in settings.kinds
+    }  # fmt: skip
+    del phases
     seen = values[good] if missing else values
     return AxisStudy(
         channel.name,
@@ -194,6 +198,13 @@ def _axis(record: StaticRecord, channel: Any, settings: StudySettings) -> AxisSt
         autocorrelation(whole, record.rate, average=max(1.0 / record.rate, whole.size / record.rate / 4000.0)),
         missing,
     )
+
+
+def _random_part(found: Identification, tau: Array) -> Array:
+    """Allan variance of the random terms of a fit, NaN at averaging times too short for it."""
+    names = [term.name for term in found.terms if term.present and term.name in (*RANDOM_TERMS, "GM")]
+    total = np.sum([np.zeros(tau.size), *(found.allan_variance(tau, name) for name in names)], axis=0)
+    return np.where((total > 0.0) & (tau * found.highest >= 1.0), total, np.nan)
 
 
 def _bias(axes: Sequence[AxisStudy], sensor: str, span: float, horizon: float) -> BiasModel | None:
