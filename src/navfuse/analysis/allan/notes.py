@@ -19,7 +19,8 @@ def of_axis(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> li
     """What is odd about one axis."""
     notes, check = [], axis.check
     if axis.missing:
-        notes.append(f"{source}: {name}: {axis.missing} samples are missing; {_of_gaps(axis, record)}")
+        many = "1 sample is" if axis.missing == 1 else f"{axis.missing} samples are"
+        notes.append(f"{source}: {name}: {many} missing; {_of_gaps(axis, record)}")
     if check.stuck is not None:
         begin, end = check.stuck
         notes.append(
@@ -30,7 +31,7 @@ def of_axis(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> li
         notes.append(f"{source}: {name}: {check.saturated} samples stand at the end of the range: it is saturated")
     found = axis.identification
     for term in (term for term in found.terms if found.too_short(term)):
-        why = f"the record of {found.span:.6g} s is shorter than the {term.least_span:.6g} s that it needs"
+        why = f"the record of {found.span:.6g} s is shorter than the {term.least_span:.3g} s that it needs"
         if math.isinf(term.least_span):
             why = "no sum of the terms comes close to the spectrum"
         notes.append(
@@ -41,8 +42,7 @@ def of_axis(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> li
         notes.append(
             f"{source}: {name}: no sum of the terms fits the whole spectrum; what is{above} in "
             f"{100.0 * found.left_out:.0f} % of "
-            f"the other bins is left out (vibration, lines, the edge of a filter), the rest is taken for good to "
-            f"{100.0 * found.misfit:.1f} %"
+            f"the other bins is left out (vibration, lines, the edge of a filter); the rest {_how_good(found.misfit)}"
         )
     return notes + _of_curve(source, name, axis, record)
 
@@ -69,11 +69,21 @@ def _of_curve(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> 
     model = found.allan_variance(curve.tau)
     below = probability_below(curve, model, round(found.span * record.rate), found.misfit)
     return [
-        f"{source}: {name}: the fitted model is {one.ratio:.2f} times the measured deviation between {one.begin:.3g} "
-        f"and {one.end:.3g} s; chance does that in {100.0 * one.probability:.2g} % of records with these noise terms, "
-        "so that something else is likely to be there"
+        f"{source}: {name}: the fitted model is {one.ratio:.2f} times the measured deviation between {one.begin:.4g} "
+        f"and {one.end:.4g} s; chance does that in {_percent(one.probability)} of records with these noise terms, so "
+        "that something else is likely to be there"
         for one in disagreements(curve, model, below, 1.0 / found.highest)
     ]
+
+
+def _percent(probability: float) -> str:
+    return "less than 0.01 %" if probability < 1e-4 else f"{100.0 * probability:.2g} %"
+
+
+def _how_good(misfit: float) -> str:
+    if misfit < 5e-4:
+        return "fits as it should"
+    return f"agrees with the terms to {100.0 * misfit:.2g} %" if misfit < 0.5 else "is hardly described by any of them"
 
 
 def of_turning(axes: Sequence[AxisStudy], source: str) -> list[str]:
