@@ -200,7 +200,13 @@ def read_logs(project: Project) -> tuple[ImuLog, GnssLog | None]:
     settings = project.gnss
     if settings.file is None:
         return imu, None
-    gnss = read_gnss(settings.file, time_offset_s=settings.time_offset_s, epoch=settings.epoch_week_s)
+    gnss = read_gnss(
+        settings.file,
+        time_offset_s=settings.time_offset_s,
+        epoch=settings.epoch_week_s,
+        sd_position_m=settings.sd_position_m,
+        sd_velocity_mps=settings.sd_velocity_mps,
+    )
     sd_position = np.maximum(gnss.sd_position * settings.sd_scale, settings.sd_floor_m)
     sd_velocity = None if gnss.sd_velocity is None else gnss.sd_velocity * settings.velocity_sd_scale
     return imu, replace(gnss, sd_position=sd_position, sd_velocity=sd_velocity)

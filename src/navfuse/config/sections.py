@@ -221,6 +221,21 @@ class GnssConfig(Section):
         above=0.0,
         most=1.0,
     )
+    sd_position_m: Vector | None = key(
+        None,
+        "m",
+        "Standard deviations north, east, down of a position, used where the file has none. Left out: cautious "
+        "defaults by the kind of fix.",
+        above=0.0,
+        example=(3.0, 3.0, 5.0),
+    )
+    sd_velocity_mps: Vector | None = key(
+        None,
+        "m/s",
+        "Standard deviations north, east, down of a velocity, used where the file has none. Left out: 0.2, 0.2, 0.4.",
+        above=0.0,
+        example=(0.1, 0.1, 0.15),
+    )
     sd_scale: Number = key(
         1.0,
         "",
