@@ -213,7 +213,7 @@ def _run(
         if trajectory is None:
             return None
         lever = np.zeros(3) if against_truth else np.array(project.gnss.lever_arm_m)
-        return compare_solution(_moved(trajectory, lever), reference)
+        return compare_solution(at_lever(trajectory, lever), reference)
 
     forward = compared(result.forward)
     assert forward is not None
@@ -237,8 +237,16 @@ def _fixes(gnss: GnssLog | None, project: Project) -> Trajectory:
     return Trajectory(gnss.time, gnss.lat, gnss.lon, gnss.height, velocity, source=gnss.source)
 
 
-def _moved(trajectory: Trajectory, lever_b: Array) -> Trajectory:
-    """A trajectory of another point of the vehicle, as far as its position goes."""
+def at_lever(trajectory: Trajectory, lever_b: Array) -> Trajectory:
+    """Positions of another point of the vehicle; velocity and the standard deviations stay those of the first.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        With attitude.
+    lever_b : (3,) array [m]
+        From the one point to the other, body forward-right-down.
+    """
     if not lever_b.any():
         return trajectory
     assert trajectory.attitude is not None

@@ -79,10 +79,10 @@ def process(
     project = as_project(config)
     tell = progress or silent
     clock = Clock()
+    build, smoothing = builder_of(project.filter.estimator), project.smoother.method == "rts"
     with collected_warnings() as caught:
         prepared = prepare(project, sensors, clock)
         length, gnss = prepared.length, prepared.gnss
-        build, smoothing = builder_of(project.filter.estimator), project.smoother.method == "rts"
         runs = [run_stretch(stretch, prepared.model, build, smoothing, clock, tell) for stretch in prepared.stretches]
         for run in runs:
             for note in (*run.alignment.notes, *run.filter.record.notes):

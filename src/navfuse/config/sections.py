@@ -330,7 +330,13 @@ class StartConfig(Section):
 class FilterConfig(Section):
     """The estimator."""
 
-    estimator: Literal["ekf", "ukf"] = key("ekf", "", "Kind of filter: 'ekf', the error-state extended Kalman filter.")
+    estimator: Literal["ekf", "ukf", "ckf", "iekf", "ukf-feedback-12", "ukf-feedforward-15"] = key(
+        "ekf",
+        "",
+        "Kind of filter: 'ekf' extended, 'ukf' unscented, 'ckf' cubature, 'iekf' iterated extended Kalman filter; "
+        "'ukf-feedback-12' and 'ukf-feedforward-15' are configurations with their own states. `navfuse "
+        "compare-filters` runs several.",
+    )
     frame: Literal["ned", "ecef"] = key(
         "ned", "", "Where to mechanize: 'ned' (not within 0.05 deg of a pole) or 'ecef' (anywhere)."
     )
@@ -349,13 +355,6 @@ class FilterConfig(Section):
         example=20.0,
     )
     until_s: Number | None = key(None, "s", "Log time at which to stop; later data are not used.", example=3600.0)
-
-    @field_validator("estimator")
-    @classmethod
-    def _available(cls, value: str) -> str:
-        if value == "ukf":
-            raise ValueError('the unscented filter is not available yet; use "ekf"')
-        return value
 
 
 class SmootherConfig(Section):

@@ -141,7 +141,7 @@ def check_nineteen_columns(table: CsvTable | ParquetTable) -> None:
 def _check_values(columns: Columns, table: CsvTable | ParquetTable) -> Array:
     """Every value there and in range, time increasing; returns which rows hold a fix."""
     fix = np.column_stack([np.isfinite(columns[name]) for name in GNSS_PART.values() if name != "time"])
-    fixed = fix.all(axis=1)
+    fixed: Array = np.all(fix, axis=1)
     ranges = {
         part[base]: limits for part in (TRUTH_PART, GNSS_PART) for base, limits in _RANGES.items() if base in part
     }

@@ -12,8 +12,8 @@ from navfuse.report.series import break_wraps, decimate
 
 Array = np.ndarray
 
-COLORS = ("#0072b2", "#d55e00", "#009e73", "#b5458f", "#8a6d00", "#4b3f9e", "#56a0d3", "#7a1f1f")
-"""After Okabe and Ito (2008), told apart with any colour vision, darkened where a thin line on white would be faint."""
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#b5458f", "#8a6d00", "#4b3f9e", "#3d94d1", "#7a1f1f")
+"""The first three after Okabe and Ito (2008); all with a contrast of 3 or more to white, which a thin line needs."""
 REFERENCE = "#9aa0a6"
 CURVE_POINTS = 3000
 
@@ -29,7 +29,9 @@ class Curve(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """Curves with common axes; `ratio` is how much longer a unit of y is drawn than one of x, zero for any."""
+    """Curves with common axes; `ratio` is how much longer a unit of y is drawn than one of x, zero for any, and
+    `from_zero` whether y begins at zero.
+    """
 
     key: str
     title: str
@@ -37,6 +39,7 @@ class Panel(NamedTuple):
     y: str
     curves: list[Curve]
     ratio: float = 0.0
+    from_zero: bool = False
 
 
 def panels(comparison: FilterComparison) -> list[Panel]:
@@ -66,6 +69,7 @@ def panels(comparison: FilterComparison) -> list[Panel]:
             _each(
                 comparison, lambda s: (s.errors.time, s.great_circle), "mean {:.3g} m", lambda s: s.great_circle.mean()
             ),
+            from_zero=True,
         ),
     ]
     for key, unit, column in (("latitude", "deg", 1), ("longitude", "deg", 0), ("altitude", "m", 2)):
@@ -86,6 +90,7 @@ def panels(comparison: FilterComparison) -> list[Panel]:
                 "RMSE {:.3g} m" if truth else "RMS {:.3g} m",
                 lambda s: float(np.sqrt(np.mean(s.distance**2))),
             ),
+            from_zero=True,
         )
     )
     found.append(
@@ -95,6 +100,7 @@ def panels(comparison: FilterComparison) -> list[Panel]:
             time,
             "distance [m]",
             _each(comparison, lambda s: (s.errors.time, s.distance), "MAE {:.3g} m", lambda s: s.distance.mean()),
+            from_zero=True,
         )
     )
     return found

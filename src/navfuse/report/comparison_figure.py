@@ -56,6 +56,8 @@ def _draw(axes: Axes, panel: Panel) -> None:
         axes.set_aspect(panel.ratio, adjustable="datalim")
     else:
         axes.margins(x=0.0)
+    if panel.from_zero:
+        axes.set_ylim(bottom=0.0)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=7, framealpha=0.9)
 

@@ -101,6 +101,8 @@ def _plot(panel: Panel) -> tuple[str, list[dict[str, Any]], dict[str, Any]]:
         "yaxis": {"title": {"text": panel.y}, "exponentformat": "none"},
         "legend": {"font": {"size": 12}},
     }
+    if panel.from_zero:
+        layout["yaxis"]["rangemode"] = "tozero"
     if panel.ratio:
         layout["yaxis"] |= {"scaleanchor": "x", "scaleratio": panel.ratio}
     return panel.key, [_trace(curve) for curve in panel.curves], layout
