@@ -159,9 +159,10 @@ def test_page_warns_where_there_is_no_truth():
 def test_figure_draws_every_panel(tmp_path):
     found = comparison()
     figure = figure_comparison(found)
-    titles = {axes.get_title(): axes for axes in figure.axes}
+    by_label = {axes.get_title(): axes for axes in figure.axes}
+    assert len(by_label) == 7
     for panel in panels(found):
-        axes = titles[panel.title]
+        axes = by_label[panel.title]
         assert (axes.get_xlabel(), axes.get_ylabel()) == (panel.x, panel.y)
         for line, curve in zip(axes.get_lines(), panel.curves, strict=True):
             np.testing.assert_array_equal(line.get_ydata(), curve.y)
@@ -171,6 +172,18 @@ def test_figure_draws_every_panel(tmp_path):
             assert axes.get_ylim()[0] == 0.0
     write_figure(tmp_path / "figure.png", found)
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_start_off_the_scale_is_told():
+    found = comparison(("ekf",), smoothed=False)
+    found.runs[0].forward.great_circle[2] = 500.0
+    axes = next(axes for axes in figure_comparison(found).axes if axes.get_title().startswith("Great-circle"))
+    assert axes.get_title().endswith("at the start up to 500 m, off the scale")
+    assert axes.get_ylim()[1] < 2.0
+    found.runs[0].forward.great_circle[150] = 400.0
+    axes = next(axes for axes in figure_comparison(found).axes if axes.get_title().startswith("Great-circle"))
+    assert "off the scale" not in axes.get_title()
+    assert axes.get_ylim()[1] == pytest.approx(525.0)
 
 
 def test_figure_needs_no_global_plotting_state(monkeypatch):

@@ -16,14 +16,19 @@ COLORS = ("#0072b2", "#d55e00", "#009e73", "#b5458f", "#8a6d00", "#4b3f9e", "#3d
 """The first three after Okabe and Ito (2008); all with a contrast of 3 or more to white, which a thin line needs."""
 REFERENCE = "#9aa0a6"
 CURVE_POINTS = 3000
+THICKEST, THINNEST, REFERENCE_WIDTH = 2.4, 1.0, 4.5
+"""Widths of lines [pt]."""
 
 
 class Curve(NamedTuple):
-    """A line of a panel; `kind` is "filter", "smoother" or "reference"."""
+    """A line of a panel; `kind` is "filter", "smoother" or "reference". Later lines are thinner, so that those below
+    show where they lie on each other.
+    """
 
     name: str
     kind: str
     color: str
+    width: float
     x: Array
     y: Array
 
@@ -118,7 +123,10 @@ def _each(comparison: FilterComparison, points, legend: str, value=None) -> list
             rows = decimate(np.column_stack([x, y]) if not legend and value is None else np.asarray(y), CURVE_POINTS)
             name = run.estimator + (", smoothed" if kind == "smoother" else "")
             name += f": {legend.format(value(solution))}" if value is not None else ""
-            curves.append(Curve(name, kind, COLORS[number % len(COLORS)], x[rows], y[rows]))
+            width = THICKEST - (THICKEST - THINNEST) * number / max(len(comparison.runs) - 1, 1)
+            if kind == "smoother":
+                width *= 0.7
+            curves.append(Curve(name, kind, COLORS[number % len(COLORS)], width, x[rows], y[rows]))
     return curves
 
 
@@ -144,11 +152,11 @@ def _within(comparison: FilterComparison, reference: Trajectory) -> Trajectory:
 def _track(comparison: FilterComparison, reference: Trajectory, name: str) -> Curve:
     lon, lat = _degrees(_within(comparison, reference))
     rows = decimate(np.column_stack([lon, lat]), CURVE_POINTS)
-    return Curve(name, "reference", REFERENCE, lon[rows], lat[rows])
+    return Curve(name, "reference", REFERENCE, REFERENCE_WIDTH, lon[rows], lat[rows])
 
 
 def _over_time(comparison: FilterComparison, reference: Trajectory, name: str, column: int) -> Curve:
     shown = _within(comparison, reference)
     y = _position(shown)[column]
     rows = decimate(y, CURVE_POINTS)
-    return Curve(name, "reference", REFERENCE, shown.time[rows], y[rows])
+    return Curve(name, "reference", REFERENCE, REFERENCE_WIDTH, shown.time[rows], y[rows])

@@ -35,7 +35,6 @@ for (const [id, traces, layout] of panels) {
 """
 
 _DASHES = {"filter": "solid", "smoother": "dash", "reference": "solid"}
-_WIDTHS = {"filter": 1.6, "smoother": 1.2, "reference": 4.0}
 
 
 def write_page(path: str | Path, comparison: FilterComparison) -> None:
@@ -115,7 +114,7 @@ def _trace(curve: Curve) -> dict[str, Any]:
         "mode": "lines",
         "name": curve.name,
         "visible": "legendonly" if curve.kind == "smoother" else True,
-        "line": {"color": curve.color, "dash": _DASHES[curve.kind], "width": _WIDTHS[curve.kind]},
+        "line": {"color": curve.color, "dash": _DASHES[curve.kind], "width": curve.width},
     }
 
 
