@@ -143,7 +143,8 @@ class EstimatorRun:
     nis : dict of str to NisSummary
         By source.
     seconds : float [s]
-        Time of the filter alone in one run with everything compiled and loaded.
+        Time of the filter alone over the logs, with everything compiled and loaded: the fastest run if there were
+        several.
     samples : int
         IMU samples it took in.
     notes : tuple of str
@@ -237,7 +238,7 @@ class FilterComparison:
             )
         lines.append(
             "NIS of the used measurements, in brackets what a right model keeps to with 99 %. Times are of this"
-            " machine, one run of each filter with its kernels compiled and loaded."
+            " machine, each filter with its kernels compiled and loaded; the fastest of three runs where they are short."
         )
         return lines
 
