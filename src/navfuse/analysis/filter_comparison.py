@@ -238,7 +238,7 @@ class FilterComparison:
             )
         lines.append(
             "NIS of the used measurements, in brackets what a right model keeps to with 99 %. Times are of this"
-            " machine, each filter with its kernels compiled and loaded; the fastest of three runs where they are short."
+            " machine, kernels compiled and loaded, the fastest of three runs of each filter where they are short."
         )
         return lines
 
