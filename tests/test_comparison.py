@@ -21,6 +21,7 @@ from navfuse.data.trajectory import Trajectory
 from navfuse.filters.ekf import ErrorStateFilter
 from navfuse.filters.kinds import FILTERS
 from navfuse.io.log_tables import write_gnss
+from navfuse.io.tables import open_table, write_table
 from navfuse.io.trajectory_table import read_trajectory, write_trajectory
 from navfuse.scenario_files import simulate_scenario
 from navfuse.simulation.scenario import load_scenario
@@ -295,3 +296,22 @@ def test_the_lever_arm_by_rotation_matrices():
     expected = ned2geodetic(north, east, down, lat, lon, height, deg=False)
     np.testing.assert_allclose((moved.lat[0], moved.lon[0]), expected[:2], rtol=0.0, atol=1e-14)
     assert moved.height[0] == pytest.approx(expected[2], abs=1e-7)
+
+
+@pytest.mark.filterwarnings("ignore::navfuse.NavfuseWarning")
+def test_a_log_with_a_long_gap_is_one_comparison(flight, tmp_path):
+    """Twenty seconds without inertial data: two stretches, joined; nothing is judged in the gap."""
+    table = open_table(flight / "imu.parquet")
+    columns = table.read(table.names)
+    keep = (columns["time_s"] < 200.0) | (columns["time_s"] > 220.0)
+    write_table(tmp_path / "imu.parquet", {name: values[keep] for name, values in columns.items()})
+    for name in ("gnss.csv", "project.toml", "truth.parquet"):
+        (tmp_path / name).write_bytes((flight / name).read_bytes())
+    for run in compare_filters(tmp_path / "project.toml", ["ekf", "ukf"]).runs:
+        for time in (run.nees["navigation state"].time, run.forward.errors.time, run.smoothed.errors.time):
+            assert not np.any((time > 200.0) & (time < 221.0))
+            assert time[0] == 0.0
+            assert time[-1] == 400.0
+            assert np.all(np.diff(time) > 0.0)
+        assert run.samples < 380
+        assert run.smoothed.figures()["maximum 3-D position"] < 30.0
