@@ -97,7 +97,10 @@ def test_nees_has_every_moment_and_all_groups(found):
         assert WHOLE not in run.nees
         for one in run.nees.values():
             np.testing.assert_array_equal(one.time, np.arange(401.0))
+        assert list(run.smoothed_nees) == list(run.nees)
+        np.testing.assert_array_equal(run.smoothed_nees["attitude"].time, np.arange(401.0))
     assert 0.5 < found.runs[0].nees["navigation state"].mean_per_dof < 1.6
+    assert 0.2 < found.runs[0].smoothed_nees["navigation state"].mean_per_dof < 2.5
 
 
 def test_the_filter_alone_is_timed(found):
@@ -180,6 +183,7 @@ def test_without_a_smoother_there_is_no_smoothed_row(flight):
     off = project.model_copy(update={"smoother": project.smoother.model_copy(update={"method": "none"})})
     found = compare_filters(off, ["ekf"], flight / "truth.parquet")
     assert found.runs[0].smoothed is None
+    assert found.runs[0].smoothed_nees == {}
     assert not any("smoothed" in label for label, _, _ in found.table())
     assert found.runs[0].nees["position"].time.size == 401
 

@@ -17,7 +17,9 @@ from navfuse.analysis.filter_comparison import (
     FilterComparison,
     Solution,
     compare_solution,
+    events_to_smooth,
     nees_at_events,
+    smoothed_nees_at_events,
 )
 from navfuse.analysis.interpolation import earth_states, ned_axes
 from navfuse.core.earth import ecef_to_geodetic_batch
@@ -26,6 +28,7 @@ from navfuse.data.logs import GnssLog
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError, InputError, NavfuseError, NavfuseWarning
 from navfuse.filters.kinds import FILTERS
+from navfuse.filters.record import FilterRecord
 from navfuse.io.trajectory_table import read_trajectory
 from navfuse.pipeline import (
     Clock,
@@ -201,7 +204,10 @@ def _run(
     def told(stage: str, fraction: float) -> None:
         tell(name, share * fraction + (share if stage == "smoother" else 0.0))
 
-    runs = [run_stretch(stretch, model, build, smoothing, clock, told) for stretch in prepared.stretches]
+    def events(record: FilterRecord) -> list[int]:
+        return events_to_smooth(record, reference).tolist() if against_truth else []
+
+    runs = [run_stretch(stretch, model, build, smoothing, clock, told, events) for stretch in prepared.stretches]
     seconds = [clock.seconds["filter"]]
     while len(seconds) < TIMED_RUNS and sum(seconds) < TIMED_S:
         again = Clock()
@@ -213,10 +219,13 @@ def _run(
     for note in notes:
         warnings.warn(f"{name}: {note}", NavfuseWarning, stacklevel=2)
     estimator = runs[0].filter
-    nees = {}
+    nees, smoothed_nees = {}, {}
     if against_truth:
-        records = [run.filter.record for run in runs]
-        nees = nees_at_events(records, reference, estimator.settings.ecef, estimator.settings.open_loop)
+        records, ecef = [run.filter.record for run in runs], estimator.settings.ecef
+        nees = nees_at_events(records, reference, ecef, estimator.settings.open_loop)
+        if smoothing:
+            smoothed = [run.smoothed for run in runs if run.smoothed is not None]
+            smoothed_nees = smoothed_nees_at_events(records, smoothed, reference, ecef)
 
     def compared(trajectory: Trajectory | None) -> Solution | None:
         if trajectory is None:
@@ -232,6 +241,7 @@ def _run(
         forward=forward,
         smoothed=compared(result.smoothed),
         nees=nees,
+        smoothed_nees=smoothed_nees,
         nis=nis_summary(result.innovations, project.gnss.outages_s),
         seconds=min(seconds),
         samples=sum(len(stretch.increments) for stretch in prepared.stretches),

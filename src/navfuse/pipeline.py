@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,7 +31,7 @@ from navfuse.data.trajectory import Trajectory
 from navfuse.errors import AlignmentError, ConfigError, FilterError, NavfuseWarning
 from navfuse.filters.ekf import ErrorStateFilter
 from navfuse.filters.kinds import FILTERS
-from navfuse.filters.record import collect
+from navfuse.filters.record import FilterRecord, collect
 from navfuse.filters.settings import FilterSettings
 from navfuse.imu.alignment import Alignment, align
 from navfuse.imu.error_model import ImuErrorModel
@@ -418,8 +418,12 @@ def run_stretch(
     smoothing: bool,
     clock: Clock,
     tell: Progress,
+    events: Callable[[FilterRecord], Sequence[int]] | None = None,
 ) -> Run:
-    """Run a filter, and the smoother if it is wanted, over a stretch."""
+    """Run a filter, and the smoother if it is wanted, over a stretch.
+
+    `events` chooses the checkpoints at which the smoother is to keep the whole covariance.
+    """
     increments = stretch.increments
     with clock("filter"):
         estimator = build(stretch.alignment.start, model, stretch.sensors, stretch.settings)
@@ -430,7 +434,8 @@ def run_stretch(
     smoothed = None
     if smoothing:
         with clock("smoother"):
-            smoothed = smooth(estimator, increments, progress=lambda fraction: tell("smoother", fraction))
+            chosen = () if events is None else events(estimator.record)
+            smoothed = smooth(estimator, increments, lambda fraction: tell("smoother", fraction), chosen)
     return Run(stretch.alignment, estimator, smoothed)
 
 

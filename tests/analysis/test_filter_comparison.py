@@ -9,13 +9,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from navfuse.analysis import filter_comparison
 from navfuse.analysis.filter_comparison import (
     NAVIGATION,
     WINDOW_S,
     NeesSummary,
     compare_solution,
+    events_to_smooth,
+    events_within,
     nees_at_events,
     running_rms,
+    smoothed_nees_at_events,
 )
 from navfuse.analysis.great_circle import haversine
 from navfuse.analysis.interpolation import earth_states, ned_axes
@@ -26,6 +30,7 @@ from navfuse.filters.ekf import ErrorStateFilter
 from navfuse.imu.increments import to_increments
 from navfuse.montecarlo.recipes import SimulatedRecipe
 from navfuse.montecarlo.single import run_case
+from navfuse.smoothers.rts import smooth
 
 
 def case_of(open_loop=False, **changes):
@@ -54,6 +59,37 @@ def test_nees_is_that_of_a_campaign(frame, open_loop):
         np.testing.assert_allclose(found[group].values, expected.nees[group], rtol=1e-5)
         assert found[group].dof == 3
     assert found[NAVIGATION].dof == 9
+
+
+@pytest.mark.parametrize(("frame", "open_loop"), [("ned", False), ("ecef", False), ("ned", True)])
+def test_smoothed_nees_is_that_of_a_campaign(frame, open_loop):
+    case = replace(case_of(open_loop, frame=frame), smooth=True)
+    expected, run, truth = run_case(case), filtered(case), truth_of(case)
+    events = events_to_smooth(run.record, truth)
+    back = smooth(run, to_increments(case.logs.imu), events=events.tolist())
+    found = smoothed_nees_at_events([run.record], [back], truth, frame == "ecef")
+    for group in ("position", "velocity", "attitude"):
+        free = np.isin(expected.time, found[group].time)
+        np.testing.assert_allclose(found[group].values, expected.smoothed_nees[group][free], rtol=1e-5)
+        assert np.isnan(expected.smoothed_nees[group][~free]).all()
+        assert free.sum() == found[group].time.size > 20
+    assert found[NAVIGATION].dof == 9
+
+
+def test_the_events_to_smooth_are_spread_evenly_and_begin_behind_a_held_heading(monkeypatch):
+    case = case_of()
+    record, truth = filtered(case).record, truth_of(case)
+    whole = events_within(record, truth)
+    monkeypatch.setattr(filter_comparison, "MOST_SMOOTHED", 5)
+    some = events_to_smooth(record, truth)
+    assert some.size == 5
+    assert some[-1] == whole[-1]
+    middle = int(whole[20])
+    record.checkpoints[middle] = record.checkpoints[middle]._replace(held=np.array([0.0, 0.0, 1.0]))
+    assert events_to_smooth(record, truth)[0] > middle
+    record.checkpoints[-1] = record.checkpoints[-1]._replace(held=np.array([0.0, 0.0, 1.0]))
+    assert events_to_smooth(record, truth).size == 0
+    assert smoothed_nees_at_events([record], [None], truth, False) == {}
 
 
 def test_nees_of_all_nine_states_by_inverse_matrices():

@@ -42,7 +42,10 @@ def comparison(names=("ekf", "ukf"), n=200, against_truth=True, smoothed=True, *
         back = compare_solution(trajectory(n, 0.5 * off, **changes), truth) if smoothed else None
         forward = compare_solution(trajectory(n, off, 2.0 * off, **changes), truth)
         notes = ("it <script> wandered",) if k else ()
-        runs.append(EstimatorRun(name, 15, forward, back, nees, nis_summary(Innovations.empty()), 1e-3, n - 1, notes))
+        nothing = {}
+        runs.append(
+            EstimatorRun(name, 15, forward, back, nees, nothing, nis_summary(Innovations.empty()), 1e-3, n - 1, notes)
+        )
     return FilterComparison("folder/p<1>.toml", truth, against_truth, tuple(runs))
 
 

@@ -10,13 +10,16 @@ import numpy as np
 
 from navfuse.analysis.consistency import NisSummary
 from navfuse.analysis.great_circle import haversine
-from navfuse.analysis.interpolation import covered, earth_states, interpolate
+from navfuse.analysis.interpolation import EarthStates, covered, earth_states, interpolate
 from navfuse.analysis.metrics import KEY_SUFFIX, ErrorMetrics, ErrorSeries, errors, summarize
 from navfuse.analysis.nees import navigation_errors, nees_of_groups
 from navfuse.core.earth import ecef_to_geodetic_batch
+from navfuse.core.kalman import reset_attitude
+from navfuse.data.nav_state import boxplus_navigation
 from navfuse.data.trajectory import Trajectory
 from navfuse.filters.event import split
-from navfuse.filters.record import Checkpoint, FilterRecord
+from navfuse.filters.record import FilterRecord
+from navfuse.smoothers.rts import SmoothedRun
 
 Array = np.ndarray
 
@@ -26,6 +29,8 @@ NEES_PROBABILITY = 0.95
 NAVIGATION = "navigation state"
 _GROUPS = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice(6, 9), NAVIGATION: slice(0, 9)}
 _CHUNK = 4096
+MOST_SMOOTHED = 2500
+"""Events of a stretch whose smoothed covariance is asked for."""
 _SAME_TIME = 1e-6
 
 FIGURES = (
@@ -140,6 +145,8 @@ class EstimatorRun:
     smoothed : Solution or None
     nees : dict of str to NeesSummary
         Of the filter, by group; empty without truth.
+    smoothed_nees : dict of str to NeesSummary
+        Of the smoother, at no more than 2500 events of a stretch, and not while the filter held its heading.
     nis : dict of str to NisSummary
         By source.
     seconds : float [s]
@@ -156,6 +163,7 @@ class EstimatorRun:
     forward: Solution
     smoothed: Solution | None
     nees: dict[str, NeesSummary]
+    smoothed_nees: dict[str, NeesSummary]
     nis: dict[str, NisSummary]
     seconds: float
     samples: int
@@ -213,11 +221,8 @@ class FilterComparison:
         smoothed = [run.smoothed for run in self.runs]
         if any(one is not None for one in smoothed):
             rows += _error_rows(", smoothed", smoothed)
-        for group in dict.fromkeys(group for run in self.runs for group in run.nees):
-            found = [run.nees.get(group) for run in self.runs]
-            rows.append((f"NEES / dof, {group}", "1", [_text(one and one.mean_per_dof, 3) for one in found]))
-            inside = [_text(one and 100.0 * one.share_inside, 1) for one in found]
-            rows.append(("  epochs below the 95 % bound", "%", inside))
+        rows += _nees_rows("", [run.nees for run in self.runs])
+        rows += _nees_rows(", smoothed", [run.smoothed_nees for run in self.runs])
         for source in dict.fromkeys(source for run in self.runs for source in run.nis):
             rows.append((f"NIS / dof, {source}", "1", [_nis_text(run.nis.get(source)) for run in self.runs]))
         rows.append(("measurements used", "", [str(run.count("used", "reset")) for run in self.runs]))
@@ -294,34 +299,92 @@ def nees_at_events(
     InputError
         If a covariance is not positive definite.
     """
+    reference, groups = _reference(truth)
+    parts: list[tuple[Array, dict[str, Array]]] = []
+    for record in records:
+        kept = events_within(record, truth)
+        for at in range(0, kept.size, _CHUNK):
+            some = [record.checkpoints[k] for k in kept[at : at + _CHUNK].tolist()]
+            time = np.array([checkpoint.time for checkpoint in some])
+            nav, _, x, P = split(np.array([checkpoint.carried for checkpoint in some]))
+            error = _errors(reference, time, nav, ecef)
+            if open_loop:
+                error -= x[:, :9]
+            parts.append((time, nees_of_groups(error, P[:, :9, :9], groups)))
+    return _joined(parts, groups)
+
+
+def smoothed_nees_at_events(
+    records: Sequence[FilterRecord], smoothed: Sequence[SmoothedRun], truth: Trajectory, ecef: bool
+) -> dict[str, NeesSummary]:
+    """The same of the smoother.
+
+    Parameters
+    ----------
+    records, truth, ecef
+        As for :func:`nees_at_events`.
+    smoothed : sequence of SmoothedRun
+        Of the same stretches, with the errors and covariances at the events of :func:`events_to_smooth`.
+    """
+    reference, groups = _reference(truth)
+    parts: list[tuple[Array, dict[str, Array]]] = []
+    for record, back in zip(records, smoothed, strict=True):
+        kept = [record.checkpoints[k] for k in events_to_smooth(record, truth).tolist()]
+        if not kept:
+            continue
+        nav = np.array([checkpoint.parts[0] for checkpoint in kept])
+        P = back.P.copy()
+        for row in range(len(kept)):
+            boxplus_navigation(nav[row], back.error[row], ecef)
+            reset_attitude(P[row], back.error[row, 6:9])
+        time = np.array([checkpoint.time for checkpoint in kept])
+        error = _errors(reference, time, nav, ecef)
+        parts.append((time, nees_of_groups(error, P[:, :9, :9], groups)))
+    return _joined(parts, groups)
+
+
+def events_within(record: FilterRecord, truth: Trajectory) -> Array:
+    """Numbers of the checkpoints that are the last of their moment, and within the truth."""
+    time = np.array([checkpoint.time for checkpoint in record.checkpoints])
+    last = np.append(np.diff(time) > _SAME_TIME, True)
+    return np.flatnonzero(last & covered(truth.time, time))
+
+
+def events_to_smooth(record: FilterRecord, truth: Trajectory) -> Array:
+    """No more than 2500 of these, evenly; none while the heading was held, when the smoothed covariance is no good."""
+    held = [k for k, checkpoint in enumerate(record.checkpoints) if checkpoint.held.any()]
+    events = events_within(record, truth)
+    events = events[events > (held[-1] if held else -1)]
+    if events.size <= MOST_SMOOTHED:
+        return events
+    return events[np.linspace(0, events.size - 1, MOST_SMOOTHED).round().astype(np.int64)]
+
+
+def _reference(truth: Trajectory) -> tuple[EarthStates, dict[str, Array]]:
+    """The truth in Earth axes, and the groups of states that it has."""
     reference = earth_states(truth)
     present = {"position": True, "velocity": reference.v_e is not None, "attitude": reference.q_eb is not None}
     present[NAVIGATION] = all(present.values())
-    groups = {name: np.arange(where.start, where.stop) for name, where in _GROUPS.items() if present[name]}
-    times: list[Array] = []
-    values: dict[str, list[Array]] = {name: [] for name in groups}
-    for record in records:
-        kept = _last_of_each_moment(record.checkpoints)
-        time = np.array([checkpoint.time for checkpoint in kept])
-        within = covered(truth.time, time)
-        kept = [checkpoint for checkpoint, inside in zip(kept, within.tolist(), strict=True) if inside]
-        for at in range(0, len(kept), _CHUNK):
-            some = kept[at : at + _CHUNK]
-            time = np.array([checkpoint.time for checkpoint in some])
-            nav, _, x, P = split(np.array([checkpoint.carried for checkpoint in some]))
-            state = interpolate(reference, time)
-            v_e = np.zeros_like(state.r_e) if state.v_e is None else state.v_e
-            q_eb = np.tile([1.0, 0.0, 0.0, 0.0], (time.size, 1)) if state.q_eb is None else state.q_eb
-            error, _ = navigation_errors(state.r_e, v_e, q_eb, nav, ecef)
-            if open_loop:
-                error -= x[:, :9]
-            times.append(time)
-            for name, squares in nees_of_groups(error, P[:, :9, :9], groups).items():
-                values[name].append(squares)
-    if not times:
+    return reference, {name: np.arange(span.start, span.stop) for name, span in _GROUPS.items() if present[name]}
+
+
+def _errors(reference: EarthStates, time: Array, nav: Array, ecef: bool) -> Array:
+    """Errors (m, 9) in the frame of the filter; those that the reference does not have are arbitrary."""
+    state = interpolate(reference, time)
+    v_e = np.zeros_like(state.r_e) if state.v_e is None else state.v_e
+    q_eb = np.tile([1.0, 0.0, 0.0, 0.0], (time.size, 1)) if state.q_eb is None else state.q_eb
+    error, _ = navigation_errors(state.r_e, v_e, q_eb, nav, ecef)
+    return error
+
+
+def _joined(parts: list[tuple[Array, dict[str, Array]]], groups: dict[str, Array]) -> dict[str, NeesSummary]:
+    if not parts:
         return {}
-    time = np.concatenate(times)
-    return {name: NeesSummary(groups[name].size, time, np.concatenate(parts)) for name, parts in values.items()}
+    time = np.concatenate([time for time, _ in parts])
+    return {
+        name: NeesSummary(index.size, time, np.concatenate([squares[name] for _, squares in parts]))
+        for name, index in groups.items()
+    }
 
 
 def running_rms(time: Array, values: Array, window: float = WINDOW_S) -> Array:
@@ -357,11 +420,6 @@ def running_rms(time: Array, values: Array, window: float = WINDOW_S) -> Array:
     return np.sqrt(total / (np.arange(1, time.size + 1) - first))
 
 
-def _last_of_each_moment(checkpoints: list[Checkpoint]) -> list[Checkpoint]:
-    time = np.array([checkpoint.time for checkpoint in checkpoints])
-    return [checkpoints[k] for k in np.flatnonzero(np.append(np.diff(time) > _SAME_TIME, True)).tolist()]
-
-
 def _error_rows(suffix: str, solutions: Sequence[Solution | None]) -> list[tuple[str, str, list[str]]]:
     figures = [{} if one is None else one.figures() for one in solutions]
     return [
@@ -369,6 +427,16 @@ def _error_rows(suffix: str, solutions: Sequence[Solution | None]) -> list[tuple
         for label, quantity, _ in FIGURES
         if any(label in found for found in figures)
     ]
+
+
+def _nees_rows(suffix: str, runs: Sequence[dict[str, NeesSummary]]) -> list[tuple[str, str, list[str]]]:
+    rows = []
+    for group in dict.fromkeys(group for nees in runs for group in nees):
+        found = [nees.get(group) for nees in runs]
+        means = [_text(None if one is None else one.mean_per_dof, 3) for one in found]
+        inside = [_text(None if one is None else 100.0 * one.share_inside, 1) for one in found]
+        rows += [(f"NEES / dof, {group}{suffix}", "1", means), ("  epochs below the 95 % bound", "%", inside)]
+    return rows
 
 
 def _text(value: float | None, digits: int) -> str:
@@ -397,6 +465,7 @@ def _run_dict(run: EstimatorRun) -> dict[str, Any]:
         "forward": _solution_dict(run.forward),
         "smoothed": _solution_dict(run.smoothed),
         "nees": {name.replace(" ", "_"): one.to_dict() for name, one in run.nees.items()},
+        "smoothed_nees": {name.replace(" ", "_"): one.to_dict() for name, one in run.smoothed_nees.items()},
         "nis": {source: one.to_dict() for source, one in run.nis.items()},
         "used": run.count("used", "reset"),
         "rejected": run.count("rejected"),
