@@ -155,11 +155,29 @@ def test_share_below_the_bound():
     assert found.mean_per_dof == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / 9.0 / 20000))
     assert found.to_dict() == {
         "epochs": 20000,
+        "epochs_not_positive_definite": 0,
         "dof": 9,
         "mean_per_dof": found.mean_per_dof,
         "bound_95": found.bound,
         "share_inside_95": found.share_inside,
     }
+
+
+def test_a_covariance_that_is_not_positive_definite_counts_as_outside_and_is_told():
+    case = case_of()
+    record, truth = filtered(case).record, truth_of(case)
+    spoilt = int(events_within(record, truth)[10])
+    record.checkpoints[spoilt] = record.checkpoints[spoilt]._replace(carried=record.checkpoints[spoilt].carried.copy())
+    record.checkpoints[spoilt].P[4, 4] *= -1.0
+    whole = nees_at_events([filtered(case).record], truth, False, False)
+    found = nees_at_events([record], truth, False, False)
+    assert [found[name].not_definite for name in found] == [0, 1, 0, 1]
+    assert np.flatnonzero(np.isnan(found["velocity"].values)).tolist() == [10]
+    good = np.arange(41) != 10
+    assert found["velocity"].mean_per_dof == pytest.approx(whole["velocity"].values[good].mean() / 3.0)
+    inside = whole["velocity"].values <= whole["velocity"].bound
+    assert found["velocity"].share_inside == pytest.approx(np.count_nonzero(inside[good]) / 41.0)
+    assert np.isnan(NeesSummary(3, np.zeros(1), np.array([np.nan])).mean_per_dof)
 
 
 def slow_running_rms(time, values, window):

@@ -153,6 +153,14 @@ def test_page_is_self_contained_and_says_what_it_shows(tmp_path):
     np.testing.assert_allclose(plots[6][1][0]["y"], found.runs[0].forward.distance, rtol=1e-9)
 
 
+def test_a_broken_covariance_has_a_row_of_its_own():
+    found = comparison()
+    label = "  epochs of a covariance not positive definite"
+    assert label not in [row[0] for row in found.table()]
+    found.runs[1].nees["position"].values[:3] = np.nan
+    assert (label, "", ["0", "3"]) in found.table()
+
+
 def test_page_warns_where_there_is_no_truth():
     text = render(comparison(against_truth=False))
     assert '<li class="warning">There is no truth: DIFFERENCES FROM THE FIXES' in text

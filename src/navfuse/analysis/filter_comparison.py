@@ -58,7 +58,7 @@ class NeesSummary:
     time : (m,) array [s]
         Moments after a measurement that the truth covers.
     values : (m,) array [1]
-        d' P^-1 d with the full covariance of the group.
+        d' P^-1 d with the full covariance of the group; NaN where that is not positive definite.
     """
 
     dof: int
@@ -71,7 +71,8 @@ class NeesSummary:
 
         Epochs of one run are correlated in time, so that no chi-square bound applies to the average.
         """
-        return float(np.mean(self.values)) / self.dof
+        good = self.values[np.isfinite(self.values)]
+        return float(np.mean(good)) / self.dof if good.size else float("nan")
 
     @property
     def bound(self) -> float:
@@ -82,13 +83,22 @@ class NeesSummary:
 
     @property
     def share_inside(self) -> float:
-        """Share of the epochs at which the value is below its bound; 0.95 for a consistent filter."""
+        """Share of the epochs at which the value is below its bound; 0.95 for a consistent filter.
+
+        An epoch whose covariance is not positive definite counts as outside.
+        """
         return float(np.mean(self.values <= self.bound))
+
+    @property
+    def not_definite(self) -> int:
+        """Number of epochs whose covariance is not positive definite: the estimator is at fault there."""
+        return int(np.count_nonzero(~np.isfinite(self.values)))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain dictionary for JSON."""
         return {
             "epochs": int(self.values.size),
+            "epochs_not_positive_definite": self.not_definite,
             "dof": self.dof,
             "mean_per_dof": self.mean_per_dof,
             "bound_95": self.bound,
@@ -297,7 +307,7 @@ def nees_at_events(
     Raises
     ------
     InputError
-        If a covariance is not positive definite.
+        If a covariance is not finite.
     """
     reference, groups = _reference(truth)
     parts: list[tuple[Array, dict[str, Array]]] = []
@@ -310,7 +320,7 @@ def nees_at_events(
             error = _errors(reference, time, nav, ecef)
             if open_loop:
                 error -= x[:, :9]
-            parts.append((time, nees_of_groups(error, P[:, :9, :9], groups)))
+            parts.append((time, nees_of_groups(error, P[:, :9, :9], groups, strict=False)))
     return _joined(parts, groups)
 
 
@@ -339,7 +349,7 @@ def smoothed_nees_at_events(
             reset_attitude(P[row], back.error[row, 6:9])
         time = np.array([checkpoint.time for checkpoint in kept])
         error = _errors(reference, time, nav, ecef)
-        parts.append((time, nees_of_groups(error, P[:, :9, :9], groups)))
+        parts.append((time, nees_of_groups(error, P[:, :9, :9], groups, strict=False)))
     return _joined(parts, groups)
 
 
@@ -436,6 +446,9 @@ def _nees_rows(suffix: str, runs: Sequence[dict[str, NeesSummary]]) -> list[tupl
         means = [_text(None if one is None else one.mean_per_dof, 3) for one in found]
         inside = [_text(None if one is None else 100.0 * one.share_inside, 1) for one in found]
         rows += [(f"NEES / dof, {group}{suffix}", "1", means), ("  epochs below the 95 % bound", "%", inside)]
+        if any(one is not None and one.not_definite for one in found):
+            broken = ["-" if one is None else str(one.not_definite) for one in found]
+            rows.append(("  epochs of a covariance not positive definite", "", broken))
     return rows
 
 
