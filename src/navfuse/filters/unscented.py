@@ -9,11 +9,11 @@ import numpy as np
 
 from navfuse.aiding.base import AidingSensor, noise_covariance
 from navfuse.core.fused import fused
-from navfuse.core.rotation import dcm_from_rotvec, mat_vec
+from navfuse.core.rotation import cross, dcm_from_rotvec, mat_vec
 from navfuse.core.unscented import SigmaSpread, linear_update, regression, semidefinite_root, triangularize
 from navfuse.data.nav_state import NavState, correct_rates, sensor_offsets
 from navfuse.errors import ConfigError, FilterError
-from navfuse.filters.event import parts, room
+from navfuse.filters.event import TURN, parts, room
 from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.settings import FilterSettings
 from navfuse.mechanization.sigma_points import (
@@ -101,6 +101,17 @@ def commit(carried, rates, acc, offsets, ecef, numbers, d, A):
     u = down_axis(carried[:10], ecef)
     J = correction_turn(dx, u)
     E = dcm_from_rotvec(turned(dx, u))
+    turn = numbers[room(d, n) :]
+    for i in range(9):
+        turn[i] = J[i]
+    for part in range(0, 6, 3):
+        g = (gone[part], gone[part + 1], gone[part + 2])
+        h = mat_vec(E, g)
+        for k in range(3):
+            psi = (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0)
+            u, v = cross(mat_vec(J, psi), h), cross(psi, g)
+            for i in range(3):
+                turn[9 + 3 * part + 3 * i + k] = u[i] - v[i]
     for c in range(A.shape[1]):
         A[6, c], A[7, c], A[8, c] = mat_vec(J, (A[6, c], A[7, c], A[8, c]))
     triangularize(A, A.shape[1], acc[ROOT : ROOT + n * n].reshape((n, n)))
@@ -235,7 +246,7 @@ class UnscentedFilter(NavigationFilter):
             delta, z0 = self._predictions(sensor, k, before, root)
             d = z0.size
             if k_iteration == 0:
-                numbers, A, L = np.empty(room(d, n)), np.empty((n, 3 * n + 1 + d)), self._noise_root(sensor, k, d)
+                numbers, A, L = np.empty(room(d, n) + TURN), np.empty((n, 3 * n + 1 + d)), self._noise_root(sensor, k, d)
                 most = -1.0 if limit is None else limit(d)
             nis, share = update_at_points(
                 S, root, delta, z0, L, before, self._hold.direction, self._weights, numbers, A
