@@ -27,6 +27,7 @@ from navfuse.mechanization.sigma_points import (
     draw_points,
     plain_columns,
     plain_rows,
+    relax,
     retract,
     settle,
     turned,
@@ -288,7 +289,7 @@ class UnscentedFilter(NavigationFilter):
             self._settle()
             self._drop_correlations()
         elif float(np.max(np.diagonal(self.P)[6:9])) < NARROW**2:
-            self._settle()
+            relax(self._acc, np.empty(self.P.shape))
 
     def _uncorrelate(self) -> None:
         """Nothing before a measurement: points around the compass know what a heading does to it."""

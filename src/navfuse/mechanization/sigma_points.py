@@ -49,7 +49,7 @@ from navfuse.core.rotation import (
     quat_normalize,
     rotvec_from_quat,
 )
-from navfuse.core.unscented import SigmaSpread, regress, root_of_points
+from navfuse.core.unscented import SigmaSpread, regress, root_of_points, triangularize
 from navfuse.data.nav_state import boxminus_navigation, boxplus_navigation
 from navfuse.mechanization.ecef import step_ecef
 from navfuse.mechanization.error_dynamics import ACC_TIME, ACCEL, BIAS, GYRO, PAIR, corrections, imu_places
@@ -388,6 +388,22 @@ def covariance_of_root(acc, P):
             for k in range(max(9, i + 1)):
                 v += T[i, k] * T[c, k]
             P[i, c] = v
+
+
+@fused
+def relax(acc, A):
+    """Begin to integrate anew, Dw = Du = 0, where plain errors are as good: the covariance that is put out stays what it
+    is. A is a (n, n) work space. No checks are made.
+    """
+    n = A.shape[0]
+    S = acc[ROOT : ROOT + n * n].reshape((n, n))
+    for i in range(n):
+        for j in range(n):
+            A[i, j] = S[i, j]
+    plain_rows(acc[GONE:BEGUN], A)
+    triangularize(A, n, S)
+    for i in range(GONE, BEGUN):
+        acc[i] = 0.0
 
 
 @fused
