@@ -189,7 +189,12 @@ def test_unknown_keys_name_the_nearest(data, message):
         ("gnss", "sd_scale", 0.0, "must be > 0"),
         ("start", "lat_deg", 95.0, "start.lat_deg = 95.0: must be >= -90 and <= 90"),
         ("start", "sd_position_m", [1.0, 1.0, 0.0], "must be > 0"),
-        ("filter", "estimator", "ukf", "the unscented filter is not available yet"),
+        (
+            "filter",
+            "estimator",
+            "particle",
+            'filter.estimator = "particle": must be "ekf" or "ukf" or "ckf" or "iekf" or "ukf-f',
+        ),
         ("filter", "frame", "enu", 'filter.frame = "enu": must be "ned" or "ecef"'),
         ("aiding", "nonholonomic", True, "the land vehicle constraint is not available yet"),
         ("output", "rate_hz", -1.0, "output.rate_hz = -1.0: must be >= 0"),

@@ -221,6 +221,21 @@ class GnssConfig(Section):
         above=0.0,
         most=1.0,
     )
+    sd_position_m: Vector | None = key(
+        None,
+        "m",
+        "Standard deviations north, east, down of a position, used where the file has none. Left out: cautious "
+        "defaults by the kind of fix.",
+        above=0.0,
+        example=(3.0, 3.0, 5.0),
+    )
+    sd_velocity_mps: Vector | None = key(
+        None,
+        "m/s",
+        "Standard deviations north, east, down of a velocity, used where the file has none. Left out: 0.2, 0.2, 0.4.",
+        above=0.0,
+        example=(0.1, 0.1, 0.15),
+    )
     sd_scale: Number = key(
         1.0,
         "",
@@ -315,7 +330,13 @@ class StartConfig(Section):
 class FilterConfig(Section):
     """The estimator."""
 
-    estimator: Literal["ekf", "ukf"] = key("ekf", "", "Kind of filter: 'ekf', the error-state extended Kalman filter.")
+    estimator: Literal["ekf", "ukf", "ckf", "iekf", "ukf-feedback-12", "ukf-feedforward-15"] = key(
+        "ekf",
+        "",
+        "Kind of filter: 'ekf' extended, 'ukf' unscented, 'ckf' cubature, 'iekf' iterated extended Kalman filter; "
+        "'ukf-feedback-12' and 'ukf-feedforward-15' are configurations with their own states. `navfuse "
+        "compare-filters` runs several.",
+    )
     frame: Literal["ned", "ecef"] = key(
         "ned", "", "Where to mechanize: 'ned' (not within 0.05 deg of a pole) or 'ecef' (anywhere)."
     )
@@ -334,13 +355,6 @@ class FilterConfig(Section):
         example=20.0,
     )
     until_s: Number | None = key(None, "s", "Log time at which to stop; later data are not used.", example=3600.0)
-
-    @field_validator("estimator")
-    @classmethod
-    def _available(cls, value: str) -> str:
-        if value == "ukf":
-            raise ValueError('the unscented filter is not available yet; use "ekf"')
-        return value
 
 
 class SmootherConfig(Section):

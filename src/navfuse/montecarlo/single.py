@@ -20,8 +20,8 @@ from navfuse.data.layout import CROSS_PAIRS, Layout
 from navfuse.data.nav_state import boxplus_navigation
 from navfuse.data.result import Innovations
 from navfuse.errors import ConfigError
-from navfuse.filters.ekf import ErrorStateFilter
 from navfuse.filters.event import split
+from navfuse.filters.kinds import FILTERS
 from navfuse.filters.record import Checkpoint, FilterRecord, collect_innovations
 from navfuse.imu.gaps import gap_limit
 from navfuse.imu.increments import to_increments
@@ -108,7 +108,7 @@ def run_case(case: Case, seed: int = 0) -> RunRecord:
     begin = perf_counter()
     increments = to_increments(case.logs.imu, gap_limit(case.logs.imu.time))
     increments = increments.piece(int(np.searchsorted(increments.time, case.start.time - SAME_TIME)))
-    estimator = ErrorStateFilter(case.start, case.model, case.sensors, case.settings)
+    estimator = FILTERS[case.estimator](case.start, case.model, case.sensors, case.settings)
     estimator.feed(increments)
     record = estimator.record
     kept = _epochs(record.checkpoints)
