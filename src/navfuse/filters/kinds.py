@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from navfuse.aiding.base import AidingSensor
 from navfuse.data.start import Start
 from navfuse.filters.ekf import ErrorStateFilter
+from navfuse.filters.iterated import IteratedFilter
 from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.settings import FilterSettings
 from navfuse.filters.unscented import UnscentedFilter, cubature_filter
@@ -16,5 +17,6 @@ FILTERS: dict[str, Callable[[Start, ImuErrorModel, Sequence[AidingSensor], Filte
     "ekf": ErrorStateFilter,
     "ukf": UnscentedFilter,
     "ckf": cubature_filter,
+    "iekf": IteratedFilter,
 }
 """What each estimator is built by."""
