@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from navfuse.aiding.base import AidingSensor
-from navfuse.data.nav_state import sensor_offsets
+from navfuse.data.nav_state import NavState, sensor_offsets
 from navfuse.errors import FilterError
 from navfuse.filters.event import room, take
 from navfuse.filters.navigation_filter import NavigationFilter
@@ -39,21 +39,26 @@ class ErrorStateFilter(NavigationFilter):
         fixed = sensor_offsets(self.layout), self.settings.ecef, self.settings.open_loop
         return partial(take, self._carried, self._last, *fixed)
 
-    def _linearize(self, sensor: AidingSensor, k: int) -> tuple[Array, Array, Array]:
-        """Innovation, matrix and noise covariance that the update is made with."""
-        return sensor.linearize(self._seen(), k)
-
-    def _use(self, sensor: AidingSensor, k: int, limit: Callable[[int], float] | None) -> tuple[float, int, Array]:
-        z, H, R = self._linearize(sensor, k)
+    def _linearize(self, sensor: AidingSensor, k: int, nav: NavState) -> tuple[Array, Array, Array]:
+        """Innovation, matrix and noise covariance of a measurement at a navigation state."""
+        z, H, R = sensor.linearize(nav, k)
         d, n = z.size, self.layout.size
         if z.shape != (d,) or H.shape != (d, n) or R.shape != (d, d):
             raise FilterError(
                 f"{sensor.name} measurement {k} at {float(sensor.times[k]):.3f} s: linearize gives z, H and R of the "
                 f"shapes {z.shape}, {H.shape}, {R.shape}; with {n} states they must be (d,), (d, {n}) and (d, d)"
             )
-        numbers = np.empty(room(d, n))
-        nis = self._take(z, H, R, -1.0 if limit is None else limit(d), self._hold.direction, numbers)
-        return nis, d, numbers
+        return z, H, R
+
+    def _use(self, sensor: AidingSensor, k: int, limit: Callable[[int], float] | None) -> tuple[float, int, Array]:
+        z, H, R = self._linearize(sensor, k, self._seen())
+        return self._update(z, H, R, -1.0 if limit is None else limit(z.size))
+
+    def _update(self, z: Array, H: Array, R: Array, most: float) -> tuple[float, int, Array]:
+        """What :meth:`_use` is to return, after an update if the normalised innovation squared is at most `most`."""
+        d = z.size
+        numbers = np.empty(room(d, self.layout.size))
+        return self._take(z, H, R, most, self._hold.direction, numbers), d, numbers
 
     def _enlarge(self, change: Callable[[Array], None]) -> None:
         change(self.P)

@@ -350,7 +350,7 @@ class NavigationFilter(Carrier):
                 again, _, numbers = self._use(sensor, k, _ungated)
                 if not isfinite(again):
                     raise FilterError(f"the covariance is no longer positive definite at {time:.3f} s")
-                numbers[: d + d * d] = first
+                numbers[d : d + d * d] = first[d:]
                 status = RESET
                 self._note_reset(sensor.name, keeper, time)
         used = status in (USED, RESET)
