@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from navfuse.aiding.base import AidingSensor, noise_covariance
 from navfuse.core.fused import fused
 from navfuse.core.rotation import cross, dcm_from_rotvec, mat_vec
 from navfuse.core.unscented import SigmaSpread, linear_update, regression, semidefinite_root, triangularize
-from navfuse.data.nav_state import NavState, correct_rates, sensor_offsets
+from navfuse.data.nav_state import NavStates, correct_rates, sensor_offsets
 from navfuse.errors import ConfigError, FilterError
 from navfuse.filters.event import TURN, parts, room
 from navfuse.filters.navigation_filter import NavigationFilter
@@ -212,23 +212,16 @@ class UnscentedFilter(NavigationFilter):
         X, rates = np.empty((2 * n + 1, n + 1)), np.empty((2 * n + 1, 6))
         gone = self._acc[GONE:BEGUN]
         states_at_points(self._carried, self._last, gone, root, mean, self._weights[0], self._offsets, ecef, X, rates)
-        predict, subtract, time = sensor.predict, sensor.subtract, self.time
-        values = [
-            predict(NavState(time, x[:10], ecef, x[10:], layout, rate[:3], rate[3:]), k)
-            for x, rate in zip(X, rates, strict=True)
-        ]
-        centre = values[0]
-        z0 = np.atleast_1d(np.asarray(subtract(sensor.value(k), centre), dtype=float))
-        delta = np.empty((2 * n, z0.size))
-        for row, value in zip(delta, values[1:], strict=True):
-            row[:] = subtract(value, centre)
+        points = NavStates(self.time, X[:, :10], ecef, X[:, 10:], layout, rates)
+        delta, z0 = sensor.predict_points(points, k)
         if not np.isfinite(delta).all():
-            self._refuse(sensor, k, values)
+            self._refuse(sensor, k, points)
         return delta, z0
 
-    def _refuse(self, sensor: AidingSensor, k: int, values: Sequence[Array]) -> None:
+    def _refuse(self, sensor: AidingSensor, k: int, points: NavStates) -> None:
         n = self.layout.size
-        bad = next(p for p, value in enumerate(values) if not np.isfinite(value).all())
+        values = [sensor.predict(points[p], k) for p in range(2 * n + 1)]
+        bad = next((p for p, value in enumerate(values) if not np.isfinite(value).all()), 0)
         where = (
             "at the estimate"
             if bad == 0
