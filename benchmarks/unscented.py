@@ -42,7 +42,7 @@ from navfuse.pipeline import filter_settings, gnss_sensors, known_start, read_lo
 from navfuse.smoothers.rts import smooth
 
 REPEATS = 5
-SECONDS, PEER_SECONDS = 300.0, 4.0
+SECONDS, PEER_SECONDS = 120.0, 4.0
 SD_VELOCITY = 0.05
 
 
