@@ -51,9 +51,21 @@ from navfuse.core.rotation import (
 )
 from navfuse.core.unscented import SigmaSpread, regress, root_of_points, triangularize
 from navfuse.data.nav_state import boxminus_navigation, boxplus_navigation
-from navfuse.mechanization.ecef import step_ecef
 from navfuse.mechanization.error_dynamics import ACC_TIME, ACCEL, BIAS, GYRO, PAIR, corrections, imu_places
-from navfuse.mechanization.ned import step_ned
+from navfuse.mechanization.point_tiles import (
+    LANES,
+    LEFT,
+    ROTATION,
+    SIZE,
+    TABLE,
+    deviations_of_tiles,
+    draw_tiles,
+    load_points,
+    step_tiles,
+    store_points,
+    tile_numbers,
+    widest_rotation,
+)
 from navfuse.mechanization.propagate import TIME_TOLERANCE, Propagator
 
 Array = np.ndarray
@@ -218,27 +230,53 @@ def draw_points(nav, s, gone, S, mean, distance, ecef, X):
 
 
 @fused
-def _correct_points(X, place, count, imu, cross_coupled, buffer, table):
-    """Corrections (12 of the gyro, 12 of the accelerometer) of every point into `table`. No checks are made."""
+def _correct_points(X, place, imu, cross_coupled, buffer, tiles):
+    """Corrections (12 of the gyro, 12 of the accelerometer) of every point into the tiles. No checks are made."""
     for i in range(buffer.size):
         buffer[i] = 0.0
-    for p in range(X.shape[0]):
+    for p in range(tiles.size // SIZE * LANES):
+        row = p if p < X.shape[0] else 0
         for k in range(imu):
-            buffer[place[k]] = X[p, 10 + k]
+            buffer[place[k]] = X[row, 10 + k]
         gyro = corrections(buffer, 1, GYRO, cross_coupled)
         accel = corrections(buffer, 1, ACCEL, cross_coupled)
+        at = p // LANES * SIZE + TABLE + p % LANES
         for i in range(12):
-            table[p, i] = gyro[i]
-            table[p, 12 + i] = accel[i]
+            tiles[at + i * LANES] = gyro[i]
+            tiles[at + (12 + i) * LANES] = accel[i]
 
 
 @fused
-def _deviations(X, reference, gone, ecef, A):
+def _draw(nav, s, gone, S, distance, ecef, X, tiles):
+    """The sigma points about the estimate: the navigation states into the tiles, the other states into X. No checks."""
+    n = S.shape[0]
+    if draw_tiles(nav, gone, S, distance, down_axis(nav, ecef), ecef, tiles):
+        for p in range(2 * n + 1):
+            j = (p - 1) % n
+            c = 0.0 if p == 0 else (distance if p <= n else -distance)
+            for i in range(9, n):
+                X[p, 1 + i] = s[i - 9] + c * S[i, j]
+        return
+    draw_points(nav, s, gone, S, np.zeros(n), distance, ecef, X)
+    load_points(X, tiles)
+
+
+@fused
+def _deviations(X, tiles, reference, gone, ecef, A):
     """Deviations of all points from a reference into the columns of A: outer points, then the centre. No checks."""
     count = X.shape[0]
     n = A.shape[0]
-    d = np.empty(9)
     u = down_axis(reference, ecef)
+    if deviations_of_tiles(reference, gone, u, ecef, tiles):
+        for p in range(count):
+            column = p - 1 if p > 0 else count - 1
+            at = p // LANES * SIZE + LEFT + p % LANES
+            for i in range(9):
+                A[i, column] = tiles[at + i * LANES]
+            for i in range(9, n):
+                A[i, column] = X[p, 1 + i] - reference[1 + i]
+        return
+    d = np.empty(9)
     for p in range(count):
         column = p - 1 if p > 0 else count - 1
         boxminus_navigation(X[p, :10], reference[:10], ecef, d)
@@ -251,9 +289,9 @@ def _deviations(X, reference, gone, ecef, A):
 
 
 @fused
-def _mean_of_points(X, weight, gone, ecef, reference, shift, A):
+def _mean_of_points(X, tiles, weight, gone, ecef, reference, shift, A):
     """Weighted mean of the points on the manifold, from the centre by Gauss and Newton; leaves the deviations from it
-    in A.
+    in A. X and tiles both hold the points.
 
     No checks are made.
     """
@@ -262,7 +300,7 @@ def _mean_of_points(X, weight, gone, ecef, reference, shift, A):
     for i in range(n + 1):
         reference[i] = X[0, i]
     for _ in range(MEAN_PASSES):
-        _deviations(X, reference, gone, ecef, A)
+        _deviations(X, tiles, reference, gone, ecef, A)
         for i in range(n):
             total = 0.0
             for p in range(outer):
@@ -332,18 +370,19 @@ def _add_noise(acc, imu_map, stochastic, decay, noise, after, A, first):
 
 
 @fused
-def _collect(acc, nav, s, F, weights, ecef, imu_map, stochastic, noise, decay, A, W, reference, shift):
+def _collect(acc, nav, s, F, weights, ecef, imu_map, stochastic, noise, decay, tiles, A, W, reference, shift):
     """End a covariance step: mean and root of the points, and their transition into F if it has rows. No checks."""
     n = A.shape[0]
     S, X = points_of(acc, n)
     T = acc[ACC_TIME]
+    store_points(tiles, X)
     for k in range(n - 9):
         decay[k] = exp(-T * stochastic[k, 2]) if stochastic[k, 2] > 0.0 else 1.0
         for p in range(2 * n + 1):
             X[p, 10 + k] *= decay[k]
     after = dcm_from_quat((X[0, 6], X[0, 7], X[0, 8], X[0, 9]))
     gone = acc[GONE:BEGUN]
-    _mean_of_points(X, weights[1], gone, ecef, reference, shift, A)
+    _mean_of_points(X, tiles, weights[1], gone, ecef, reference, shift, A)
     if F.shape[0] > 0:
         for i in range(9):
             for j in range(n):
@@ -433,11 +472,13 @@ def settle(carried, acc, weights, ecef, X, A):
     if not moved:
         return
     S = acc[ROOT : ROOT + n * n].reshape((n, n))
-    reference, shift = np.empty(n + 1), np.zeros(n)
-    draw_points(carried[:10], carried[10 : n + 1], gone, S, shift, weights[0], ecef, X)
+    reference, shift = np.empty(n + 1), np.empty(n)
+    tiles = np.empty(tile_numbers(2 * n + 1))
+    _draw(carried[:10], carried[10 : n + 1], gone, S, weights[0], ecef, X, tiles)
+    store_points(tiles, X)
     for i in range(6):
         gone[i] = 0.0
-    _mean_of_points(X, weights[1], gone, ecef, reference, shift, A)
+    _mean_of_points(X, tiles, weights[1], gone, ecef, reference, shift, A)
     root_of_points(A, n, 2 * n + 1, weights, S)
     for i in range(n + 1):
         carried[i] = reference[i]
@@ -464,7 +505,7 @@ def propagate_points(
     noise,
     weights,
     buffer,
-    table,
+    tiles,
     decay,
     A,
     W,
@@ -495,7 +536,7 @@ def propagate_points(
     cross_coupled : bool
     place, imu_map, stochastic, noise, weights
         What :class:`UnscentedPropagator` was made with, and the weights of the points.
-    buffer, table, decay, A, W, reference, shift : arrays
+    buffer, tiles, decay, A, W, reference, shift : arrays
         Work space.
 
     Notes
@@ -506,13 +547,11 @@ def propagate_points(
     n = x.size
     capacity = out_time.shape[0]
     S, X = points_of(acc, n)
-    zero = np.zeros(n)
-    count = 2 * n + 1
     dt = 0.0
-    theta = (0.0, 0.0, 0.0)
-    dv = (0.0, 0.0, 0.0)
     if acc[ACC_TIME] > 0.0:
-        _correct_points(X, place, count, imu_map.shape[0], cross_coupled, buffer, table)
+        load_points(X, tiles)
+        _correct_points(X, place, imu_map.shape[0], cross_coupled, buffer, tiles)
+    factor, bias = widest_rotation(tiles)
     while i < k and t < t_end - TIME_TOLERANCE:
         t_next = times[i + 1]
         stop = t_next
@@ -536,48 +575,33 @@ def propagate_points(
             dt = stop - t
             part = dt / (t_next - times[i])
         if acc[ACC_TIME] == 0.0:
-            draw_points(nav, s, acc[GONE:BEGUN], S, zero, weights[0], ecef, X)
+            _draw(nav, s, acc[GONE:BEGUN], S, weights[0], ecef, X, tiles)
             for c in range(6):
                 acc[BEGUN + c] = acc[GONE + c]
-            _correct_points(X, place, count, imu_map.shape[0], cross_coupled, buffer, table)
+            _correct_points(X, place, imu_map.shape[0], cross_coupled, buffer, tiles)
+            factor, bias = widest_rotation(tiles)
             C = dcm_from_quat((nav[6], nav[7], nav[8], nav[9]))
             for c in range(9):
                 acc[DCM + c] = C[c]
         inc = (part * inc_theta_b[i, 0], part * inc_theta_b[i, 1], part * inc_theta_b[i, 2])
         push = (part * inc_v_b[i, 0], part * inc_v_b[i, 1], part * inc_v_b[i, 2])
-        for p in range(count):
-            g = table[p]
-            tx, ty, tz = inc[0] - g[9] * dt, inc[1] - g[10] * dt, inc[2] - g[11] * dt
-            ux, uy, uz = push[0] - g[21] * dt, push[1] - g[22] * dt, push[2] - g[23] * dt
-            theta = (
-                g[0] * tx + g[1] * ty + g[2] * tz,
-                g[3] * tx + g[4] * ty + g[5] * tz,
-                g[6] * tx + g[7] * ty + g[8] * tz,
-            )
-            dv = (
-                g[12] * ux + g[13] * uy + g[14] * uz,
-                g[15] * ux + g[16] * uy + g[17] * uz,
-                g[18] * ux + g[19] * uy + g[20] * uz,
-            )
-            if ecef:
-                f = step_ecef(X[p], dt, theta[0], theta[1], theta[2], dv[0], dv[1], dv[2])
-            else:
-                f, _, _ = step_ned(X[p], dt, theta[0], theta[1], theta[2], dv[0], dv[1], dv[2])
-            if p == 0:
-                acc[ACC_TIME] += dt
-                for c in range(3):
-                    acc[FORCE + c] += f[c]
-                    acc[GONE + c] += dt * acc[GONE + 3 + c] + 0.5 * dt * f[c]
-                    acc[GONE + 3 + c] += f[c]
-                    acc[ANGLE + c] += theta[c]
-                    acc[SPEED + c] += dv[c]
-                    last[c] = theta[c] / dt
-                    last[3 + c] = dv[c] / dt
+        rotation = abs(inc[0]) + abs(inc[1]) + abs(inc[2]) + 3.0 * bias * dt
+        step_tiles(tiles, ecef, dt, inc, push, factor * rotation < ROTATION)
+        acc[ACC_TIME] += dt
+        for c in range(3):
+            theta, dv, f = tiles[LEFT + c * LANES], tiles[LEFT + (3 + c) * LANES], tiles[LEFT + (6 + c) * LANES]
+            acc[FORCE + c] += f
+            acc[GONE + c] += dt * acc[GONE + 3 + c] + 0.5 * dt * f
+            acc[GONE + 3 + c] += f
+            acc[ANGLE + c] += theta
+            acc[SPEED + c] += dv
+            last[c] = theta / dt
+            last[3 + c] = dv / dt
         t = t_next if whole else stop
         if whole:
             i += 1
         if put or acc[ACC_TIME] >= cov_period - TIME_TOLERANCE or t >= t_end - TIME_TOLERANCE:
-            _collect(acc, nav, s, F, weights, ecef, imu_map, stochastic, noise, decay, A, W, reference, shift)
+            _collect(acc, nav, s, F, weights, ecef, imu_map, stochastic, noise, decay, tiles, A, W, reference, shift)
         if put:
             out_time[rows] = t if out_period <= 0.0 else out_next * out_period
             for c in range(10):
@@ -597,6 +621,7 @@ def propagate_points(
             if rows == capacity:
                 break
     if acc[ACC_TIME] > 0.0:
+        store_points(tiles, X)
         for c in range(10):
             nav[c] = X[0, c]
         for c in range(n - 9):
@@ -644,7 +669,7 @@ class UnscentedPropagator(Propagator):
             np.asarray(noise, dtype=float),
             self.weights,
             np.zeros(2 * PAIR),
-            np.empty((2 * n + 1, 24)),
+            np.empty(tile_numbers(2 * n + 1)),
             np.empty(n - 9),
             np.empty((n, columns)),
             np.empty((9, n)),
