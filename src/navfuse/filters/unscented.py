@@ -11,11 +11,19 @@ from navfuse.aiding.base import AidingSensor, noise_covariance
 from navfuse.core.fused import fused
 from navfuse.core.rotation import dcm_from_rotvec, mat_vec
 from navfuse.core.unscented import SigmaSpread, linear_update, regression, semidefinite_root, triangularize
-from navfuse.data.nav_state import NavState, correct_rates, sensor_offsets
+from navfuse.data.nav_state import (
+    NavState,
+    boxminus_navigation,
+    boxplus_navigation,
+    correct_rates,
+    sensor_offsets,
+)
 from navfuse.errors import ConfigError, FilterError
 from navfuse.filters.event import parts, room
 from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.settings import FilterSettings
+from navfuse.imu.increments import ImuIncrements
+from navfuse.mechanization.error_dynamics import ACC_TIME
 from navfuse.mechanization.sigma_points import (
     BEGUN,
     GONE,
@@ -27,6 +35,7 @@ from navfuse.mechanization.sigma_points import (
     draw_points,
     plain_columns,
     plain_rows,
+    points_of,
     retract,
     settle,
     turned,
@@ -39,8 +48,12 @@ LINEAR_SHARE = 1e-3
 """Of the variance of an innovation that may be left unexplained by a regression before it is made again."""
 SETTLED = 0.05
 """Change of the correction, in standard deviations of the posterior, at which the iterations end."""
-NARROW = np.radians(3.0)
-"""Standard deviation of the attitude from which on errors are plain again."""
+WIDEST = np.radians(170.0)
+"""How far from the estimate a point's attitude may be at the start or after the covariance was enlarged."""
+SAGITTA = 0.05
+"""Velocity [m/s] by which a heading wrong by its standard deviation may leave a straight line before the errors are
+kept in the coordinates of the arc.
+"""
 
 
 @fused
@@ -140,6 +153,10 @@ class UnscentedFilter(NavigationFilter):
     """
 
     lets_go_early = True
+    unknown_heading = (
+        "the measurements are going to tell it; until the standard deviation of the heading has fallen, the solution "
+        "is as uncertain as it says"
+    )
 
     def _spread(self) -> SigmaSpread:
         s = self.settings
@@ -152,6 +169,8 @@ class UnscentedFilter(NavigationFilter):
                 'an unscented filter corrects the inertial solution: use [filter] feedback = "closed", or estimator = '
                 '"ekf"'
             )
+        if s.iterations < 1:
+            raise ConfigError(f"iterations = {s.iterations} of an unscented filter must be at least 1")
         spread = self._spread()
         self._weights = spread.weights()
         self._offsets = sensor_offsets(self.layout)
@@ -162,13 +181,26 @@ class UnscentedFilter(NavigationFilter):
         n, spread = self.layout.size, self._spread()
         self._take_root()
         widest = float(np.sqrt(np.max(np.linalg.eigvalsh(self.P[6:9, 6:9]))))
-        if spread.distance * widest >= np.pi:
+        if spread.distance * widest > np.pi * (1.0 + 1e-6):
+            most = np.pi / widest / np.sqrt(n + spread.kappa)
             raise ConfigError(
                 f"sigma points {spread.distance:.3g} standard deviations out (alpha = {spread.scale:.3g}, kappa = "
                 f"{spread.kappa:g}, {n} states) reach {np.degrees(spread.distance * widest):.0f} deg of attitude, with "
-                f"a start known to {np.degrees(widest):.0f} deg: past half a turn they come round; lower alpha, below "
-                f"{np.pi / widest / np.sqrt(n + spread.kappa):.3g}, or give a better start"
+                f"a start known to {np.degrees(widest):.0f} deg: past half a turn they come round; give a better start "
+                f'or use estimator = "ukf" with alpha below {most:.3g}'
             )
+        self._narrow()
+
+    def _narrow(self) -> None:
+        """Take back an attitude known so badly that points would come round from the other side."""
+        most, root = (WIDEST / self._weights[0]) ** 2, self.root
+        values, vectors = np.linalg.eigh(root[6:9] @ root[6:9].T)
+        if values[-1] <= most:
+            return
+        A = root.copy()
+        A[6:9] = (vectors * np.sqrt(np.minimum(most / np.maximum(values, 1e-300), 1.0))) @ vectors.T @ root[6:9]
+        triangularize(A, self.layout.size, root)
+        covariance_of_root(self._acc, self.P)
 
     def _take_root(self) -> None:
         if not _root_of(self.P, self.root):
@@ -181,14 +213,38 @@ class UnscentedFilter(NavigationFilter):
 
     @property
     def P(self) -> Array:
-        """Covariance (n, n) of the errors in the order of `layout`. Assign a whole matrix to it, in place nothing."""
+        """Covariance (n, n) of the errors in the order of `layout`. Assign a whole matrix to it, in place nothing.
+
+        A covariance step that is under way ends with the assignment.
+        """
         return self._views[3]
 
     @P.setter
     def P(self, value: Array) -> None:
         self._views[3][...] = value
-        self._acc[GONE:BEGUN] = 0.0
+        self._take_in_changes()
+        self._acc[:BEGUN] = 0.0
         self._take_root()
+
+    def feed(self, increments: ImuIncrements) -> None:
+        """See :meth:`navfuse.filters.navigation_filter.NavigationFilter.feed`."""
+        self._take_in_changes()
+        super().feed(increments)
+
+    def _take_in_changes(self) -> None:
+        """Move the points of a covariance step under way along with an estimate that was assigned to."""
+        if self._acc[ACC_TIME] == 0.0:
+            return
+        _, X = points_of(self._acc, self.layout.size)
+        if np.array_equal(X[0, :10], self.nav) and np.array_equal(X[0, 10:], self.s):
+            return
+        before, d = X[0].copy(), np.empty(9)
+        for x in X:
+            boxminus_navigation(x[:10], before[:10], self.settings.ecef, d)
+            x[:10] = self.nav
+            boxplus_navigation(x[:10], d, self.settings.ecef)
+        X[:, 10:] += self.s - before[10:]
+        X[0, :10], X[0, 10:] = self.nav, self.s
 
     def _make_take(self) -> Callable[..., float]:
         """Not used: an update may take several regressions."""
@@ -206,26 +262,30 @@ class UnscentedFilter(NavigationFilter):
             for x, rate in zip(X, rates, strict=True)
         ]
         centre = values[0]
-        z0 = np.atleast_1d(np.asarray(subtract(sensor.value(k), centre), dtype=float))
-        delta = np.empty((2 * n, z0.size))
-        for row, value in zip(delta, values[1:], strict=True):
-            row[:] = subtract(value, centre)
+        with np.errstate(invalid="ignore"):
+            z0 = np.atleast_1d(np.asarray(subtract(sensor.value(k), centre), dtype=float))
+            delta = np.empty((2 * n, z0.size))
+            for row, value in zip(delta, values[1:], strict=True):
+                row[:] = subtract(value, centre)
         if not np.isfinite(delta).all():
-            self._refuse(sensor, k, values)
+            raise self._refusal(sensor, k, values)
         return delta, z0
 
-    def _refuse(self, sensor: AidingSensor, k: int, values: Sequence[Array]) -> None:
+    def _refusal(self, sensor: AidingSensor, k: int, values: Sequence[Array]) -> FilterError:
         n = self.layout.size
-        bad = next(p for p, value in enumerate(values) if not np.isfinite(value).all())
+        measurement = f"{sensor.name} measurement {k} at {float(sensor.times[k]):.3f} s"
+        bad = next((p for p, value in enumerate(values) if not np.isfinite(value).all()), None)
+        if bad is None:
+            return FilterError(f"{measurement}: subtract gives no finite difference of two finite predictions")
         where = (
             "at the estimate"
             if bad == 0
             else f"at a sigma point, {self._weights[0]:.3g} standard deviations from the estimate along column "
             f"{(bad - 1) % n} of the covariance's root"
         )
-        raise FilterError(
-            f"{sensor.name} measurement {k} at {float(sensor.times[k]):.3f} s: predict gives {np.asarray(values[bad])} "
-            f"{where}; it has to give finite values for every state within the uncertainty"
+        return FilterError(
+            f"{measurement}: predict gives {np.asarray(values[bad])} {where}; it has to give finite values for every "
+            "state within the uncertainty"
         )
 
     def _use(self, sensor: AidingSensor, k: int, limit: Callable[[int], float] | None) -> tuple[float, int, Array]:
@@ -244,6 +304,8 @@ class UnscentedFilter(NavigationFilter):
                 first = nis
                 if not nis <= most:
                     return nis, d, numbers
+            elif not np.isfinite(nis):
+                return np.nan, d, numbers
             dx = parts(numbers, d, n)[5]
             if share < LINEAR_SHARE or k_iteration + 1 == self.settings.iterations:
                 break
@@ -258,12 +320,12 @@ class UnscentedFilter(NavigationFilter):
         return first, d, numbers
 
     def _noise_root(self, sensor: AidingSensor, k: int, d: int) -> Array:
-        R = np.asarray(noise_covariance(sensor.noise(k), d), dtype=float)
-        L = np.empty((d, d))
-        if R.shape != (d, d) or not semidefinite_root(R, L):
+        noise, L = np.asarray(sensor.noise(k), dtype=float), np.empty((d, d))
+        fits = noise.shape in ((), (1,), (d,), (d, d))
+        if not fits or not semidefinite_root(np.ascontiguousarray(noise_covariance(noise, d)), L):
             raise FilterError(
                 f"{sensor.name} measurement {k} at {float(sensor.times[k]):.3f} s: its noise must be {d} standard "
-                f"deviations or a positive semi-definite covariance ({d}, {d}), got the shape {R.shape}"
+                f"deviations or a positive semi-definite covariance ({d}, {d}), got {noise.tolist()}"
             )
         return L
 
@@ -276,8 +338,18 @@ class UnscentedFilter(NavigationFilter):
         if self._hold.direction.any():
             self._settle()
             self._drop_correlations()
-        elif float(np.max(np.diagonal(self.P)[6:9])) < NARROW**2:
+        elif self._is_straight():
             self._settle()
+
+    def _is_straight(self) -> bool:
+        """Whether the arc on which a wrong heading takes the velocity since the last settling is as good as straight.
+
+        To stay unsettled has its price. A product of heading and level errors is seen by none of the points, it grows
+        with the time that gravity has been integrated, and it makes the filter believe it learned a heading at rest.
+        """
+        down, Du = np.array(down_axis(self.nav, self.settings.ecef)), self._acc[GONE + 3 : BEGUN]
+        level = Du - (down @ Du) * down
+        return bool(0.5 * (down @ self.P[6:9, 6:9] @ down) * np.sqrt(level @ level) < SAGITTA)
 
     def _uncorrelate(self) -> None:
         """Nothing before a measurement: points around the compass know what a heading does to it."""
@@ -301,6 +373,7 @@ class UnscentedFilter(NavigationFilter):
         added = vectors * np.sqrt(np.maximum(values, 0.0))
         triangularize(np.ascontiguousarray(np.hstack([self.root, added])), 2 * n, self.root)
         covariance_of_root(self._acc, self.P)
+        self._narrow()
 
 
 def _no_take() -> float:
@@ -318,12 +391,12 @@ def _root_of(P: Array, S: Array) -> bool:
 
     The correlations are decomposed, so that states of very different size do not drown each other.
     """
-    sd = np.sqrt(np.diagonal(P))
-    if not np.isfinite(sd).all():
+    if not np.isfinite(P).all() or np.min(np.diagonal(P)) < 0.0:
         return False
+    sd = np.sqrt(np.diagonal(P))
     scale = np.where(sd > 0.0, sd, 1.0)
     values, vectors = np.linalg.eigh(P / np.outer(scale, scale))
-    if not np.isfinite(values).all() or values[0] < -1e-9:
+    if values[0] < -1e-9:
         return False
     columns = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     triangularize(np.ascontiguousarray(columns), P.shape[0], S)
