@@ -9,7 +9,7 @@ import numpy as np
 
 from navfuse.aiding.base import AidingSensor, noise_covariance
 from navfuse.core.fused import fused
-from navfuse.core.rotation import dcm_from_rotvec, mat_vec
+from navfuse.core.rotation import cross, dcm_from_rotvec, mat_vec
 from navfuse.core.unscented import SigmaSpread, linear_update, regression, semidefinite_root, triangularize
 from navfuse.data.nav_state import (
     NavState,
@@ -50,6 +50,8 @@ SETTLED = 0.05
 """Change of the correction, in standard deviations of the posterior, at which the iterations end."""
 WIDEST = np.radians(170.0)
 """How far from the estimate a point's attitude may be at the start or after the covariance was enlarged."""
+TURN = 27
+"""Numbers that an update leaves behind on top of those of an extended filter."""
 SAGITTA = 0.05
 """Velocity [m/s] by which a heading wrong by its standard deviation may leave a straight line before the errors are
 kept in the coordinates of the arc.
@@ -103,8 +105,9 @@ def update_at_points(S, root, delta, z0, L, before, held, weights, numbers, A):
 def commit(carried, rates, acc, offsets, ecef, numbers, d, A):
     """Take an update for good: correct the estimate, and turn what belongs to its attitude.
 
-    The attitude error that is left is turned by :func:`navfuse.core.rotation.left_jacobian`, exactly to first order in
-    it; the numbers are changed to plain errors for the smoother. No checks are made.
+    The attitude error that is left is turned by :func:`navfuse.mechanization.sigma_points.correction_turn`. For the
+    smoother the numbers are changed to plain errors, and the last TURN of them receive what the correction did to these
+    (9, 3): the attitude error turns, and takes what was integrated, which has been turned too. No checks are made.
     """
     n = A.shape[0]
     _, _, _, H, K, dx = parts(numbers, d, n)
@@ -119,6 +122,16 @@ def commit(carried, rates, acc, offsets, ecef, numbers, d, A):
     triangularize(A, A.shape[1], acc[ROOT : ROOT + n * n].reshape((n, n)))
     d9 = dx[:9].copy()
     retract(carried[:10], gone, d9, ecef)
+    G = numbers[room(d, n) :].reshape((9, 3))
+    for c in range(3):
+        psi = (J[c], J[3 + c], J[6 + c])
+        G[6, c], G[7, c], G[8, c] = psi
+        before = (1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0)
+        for part in range(0, 6, 3):
+            old = (gone[part], gone[part + 1], gone[part + 2])
+            u, v = cross(psi, mat_vec(E, old)), cross(before, old)
+            for i in range(3):
+                G[part + i, c] = u[i] - v[i]
     for part in range(0, 6, 3):
         gone[part], gone[part + 1], gone[part + 2] = mat_vec(E, (gone[part], gone[part + 1], gone[part + 2]))
     for i in range(n - 9):
@@ -295,7 +308,8 @@ class UnscentedFilter(NavigationFilter):
             delta, z0 = self._predictions(sensor, k, before, root)
             d = z0.size
             if k_iteration == 0:
-                numbers, A, L = np.empty(room(d, n)), np.empty((n, 3 * n + 1 + d)), self._noise_root(sensor, k, d)
+                L = self._noise_root(sensor, k, d)
+                numbers, A = np.empty(room(d, n) + TURN), np.empty((n, 3 * n + 1 + d))
                 most = -1.0 if limit is None else limit(d)
             nis, share = update_at_points(
                 S, root, delta, z0, L, before, self._hold.direction, self._weights, numbers, A
