@@ -167,8 +167,8 @@ class UnscentedFilter(NavigationFilter):
 
     lets_go_early = True
     unknown_heading = (
-        "the measurements are going to tell it; until the standard deviation of the heading has fallen, the solution "
-        "is as uncertain as it says"
+        "the measurements are going to tell it; until the standard deviation of the heading has fallen, a smoothed "
+        "solution, which is linear over the correction, is not to be trusted"
     )
 
     def _spread(self) -> SigmaSpread:
