@@ -225,6 +225,13 @@ def test_a_sensor_that_answers_nonsense_is_named_with_its_measurement_and_time(w
         run(aiding=[Answers(way)])
 
 
+def test_increments_that_are_not_numbers_are_noticed_at_the_next_fix():
+    increments = cut(INCREMENTS, 0)
+    increments.inc_v_b[300] = np.nan
+    with pytest.raises(FilterError, match="no longer finite at 6.107 s"):
+        run(increments=increments)
+
+
 def test_a_measurement_without_noise_is_used_as_long_as_something_is_unknown():
     filter_ = run(aiding=[Answers("none")], options=FilterSettings(gate_probability=1.0))
     assert [i.status for i in filter_.record.innovations] == ["used", "used"]

@@ -288,6 +288,10 @@ class UnscentedFilter(NavigationFilter):
         n = self.layout.size
         measurement = f"{sensor.name} measurement {k} at {float(sensor.times[k]):.3f} s"
         bad = next((p for p, value in enumerate(values) if not np.isfinite(value).all()), None)
+        if not np.isfinite(self.nav).all():
+            return FilterError(
+                f"the navigation state is no longer finite at {self.time:.3f} s; look at the inertial data before it"
+            )
         if bad is None:
             return FilterError(f"{measurement}: subtract gives no finite difference of two finite predictions")
         where = (
