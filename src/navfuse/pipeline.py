@@ -261,6 +261,9 @@ def filter_settings(project: Project, gap_s: float, increments: ImuIncrements) -
         gap_gyro_sd=gap_gyro_sd,
         gap_accel_sd=gap_accel_sd,
         checkpoints=project.smoother.method == "rts",
+        alpha=project.filter.ukf_alpha,
+        beta=default.beta if project.filter.ukf_beta is None else project.filter.ukf_beta,
+        kappa=default.kappa if project.filter.ukf_kappa is None else project.filter.ukf_kappa,
     )
 
 

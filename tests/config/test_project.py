@@ -336,3 +336,15 @@ def test_settings_survive_the_file(tmp_path_factory, offset, lever, bias, tau, n
     assert again.settings() | {"imu": None, "gnss": None} == first.settings() | {"imu": None, "gnss": None}
     assert again.settings()["imu"] | {"file": 0} == first.settings()["imu"] | {"file": 0}
     assert again.settings()["gnss"] | {"file": 0} == first.settings()["gnss"] | {"file": 0}
+
+
+def test_sigma_points_are_placed_by_the_file_for_the_unscented_filter_only():
+    tables = {"imu": {"file": "a.csv", "grade": "consumer"}, "gnss": {"file": "b.csv"}}
+    keys = {"ukf_alpha": 0.5, "ukf_beta": 1.0, "ukf_kappa": 2.0}
+    project = Project.from_dict({**tables, "filter": {"estimator": "ukf", **keys}})
+    assert (project.filter.ukf_alpha, project.filter.ukf_beta, project.filter.ukf_kappa) == (0.5, 1.0, 2.0)
+    for name, value in keys.items():
+        with pytest.raises(ConfigError, match=f'filter.{name}.*estimator = "ukf"; with "ekf" leave it out'):
+            Project.from_dict({**tables, "filter": {name: value}})
+    with pytest.raises(ConfigError, match="ukf_alpha"):
+        Project.from_dict({**tables, "filter": {"estimator": "ukf", "ukf_alpha": 0.0}})

@@ -355,6 +355,32 @@ class FilterConfig(Section):
         example=20.0,
     )
     until_s: Number | None = key(None, "s", "Log time at which to stop; later data are not used.", example=3600.0)
+    ukf_alpha: Number | None = key(
+        None,
+        "",
+        "Estimator 'ukf': scale of the distance of the sigma points, alpha sqrt(n + kappa) standard deviations with n "
+        "states. Left out: sqrt(3) standard deviations whatever n is.",
+        above=0.0,
+        example=1.0,
+    )
+    ukf_beta: Number | None = key(
+        None,
+        "",
+        "Estimator 'ukf': weight of the centre in the covariance. Left out: 2, for a normal distribution.",
+        example=2.0,
+    )
+    ukf_kappa: Number | None = key(
+        None, "", "Estimator 'ukf': second scale of the sigma points. Left out: 0.", example=0.0
+    )
+
+    @model_validator(mode="after")
+    def _of_the_unscented(self) -> FilterConfig:
+        for name in ("ukf_alpha", "ukf_beta", "ukf_kappa"):
+            if getattr(self, name) is not None and self.estimator != "ukf":
+                raise ValueError(
+                    f'filter.{name}: places the sigma points of estimator = "ukf"; with "{self.estimator}" leave it out'
+                )
+        return self
 
 
 class SmootherConfig(Section):

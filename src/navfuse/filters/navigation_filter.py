@@ -84,6 +84,10 @@ class NavigationFilter(Carrier):
 
     lets_go_early = False
     """See :class:`~navfuse.filters.heading_hold.HeadingHold`."""
+    unknown_heading = (
+        "the filter is not linear over such an error, its solution is not to be trusted before a heading is given"
+    )
+    """What a user is told of a vehicle that moves with an unknown heading."""
 
     def __init__(
         self,
@@ -318,8 +322,7 @@ class NavigationFilter(Carrier):
         if unknown is not None:
             self.record.notes.append(
                 f"the vehicle moves from {self.time:.1f} s on with a heading known to {np.degrees(unknown):.0f} deg "
-                "only: the filter is not linear over such an error, its solution is not to be trusted before a heading "
-                "is given"
+                f"only: {self.unknown_heading}"
             )
 
     def _measure(self, which: int, k: int, time: float, updates: list[Innovation]) -> bool:
@@ -350,6 +353,7 @@ class NavigationFilter(Carrier):
                 again, _, numbers = self._use(sensor, k, _ungated)
                 if not isfinite(again):
                     raise FilterError(f"the covariance is no longer positive definite at {time:.3f} s")
+                # The innovation stays that of the update, which a smoother goes back over.
                 numbers[d : d + d * d] = first[d:]
                 status = RESET
                 self._note_reset(sensor.name, keeper, time)
@@ -418,12 +422,13 @@ class NavigationFilter(Carrier):
         Raises
         ------
         ConfigError
-            If the state belongs to another layout or another number of sensors.
+            If the state belongs to another layout, another number of sensors or another kind of filter.
         """
-        if np.shape(state["P"]) != self.P.shape or len(state["pointers"]) != len(self.sensors):
+        alike = np.shape(state["P"]) == self.P.shape and np.shape(state["acc"]) == self._acc.shape
+        if not alike or len(state["pointers"]) != len(self.sensors):
             raise ConfigError(
-                "the saved state belongs to a filter with other states or sensors; build the filter as it was when "
-                "saved"
+                "the saved state belongs to a filter of another kind or with other states or sensors; build the filter "
+                "as it was when saved"
             )
         for name in _SAVED:
             value = np.array(state[name.lstrip("_")])

@@ -11,11 +11,19 @@ from navfuse.aiding.base import AidingSensor, noise_covariance
 from navfuse.core.fused import fused
 from navfuse.core.rotation import cross, dcm_from_rotvec, mat_vec
 from navfuse.core.unscented import SigmaSpread, linear_update, regression, semidefinite_root, triangularize
-from navfuse.data.nav_state import NavStates, correct_rates, sensor_offsets
+from navfuse.data.nav_state import (
+    NavStates,
+    boxminus_navigation,
+    boxplus_navigation,
+    correct_rates,
+    sensor_offsets,
+)
 from navfuse.errors import ConfigError, FilterError
-from navfuse.filters.event import TURN, parts, room
+from navfuse.filters.event import parts, room
 from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.settings import FilterSettings
+from navfuse.imu.increments import ImuIncrements
+from navfuse.mechanization.error_dynamics import ACC_TIME
 from navfuse.mechanization.sigma_points import (
     BEGUN,
     GONE,
@@ -27,6 +35,7 @@ from navfuse.mechanization.sigma_points import (
     draw_points,
     plain_columns,
     plain_rows,
+    points_of,
     relax,
     retract,
     settle,
@@ -40,8 +49,14 @@ LINEAR_SHARE = 1e-3
 """Of the variance of an innovation that may be left unexplained by a regression before it is made again."""
 SETTLED = 0.05
 """Change of the correction, in standard deviations of the posterior, at which the iterations end."""
-NARROW = np.radians(3.0)
-"""Standard deviation of the attitude from which on errors are plain again."""
+WIDEST = np.radians(170.0)
+"""How far from the estimate a point's attitude may be at the start or after the covariance was enlarged."""
+TURN = 27
+"""Numbers that an update leaves behind on top of those of an extended filter."""
+SAGITTA = 0.05
+"""Velocity [m/s] by which a heading wrong by its standard deviation may leave a straight line before the errors are
+kept in the coordinates of the arc.
+"""
 
 
 @fused
@@ -91,8 +106,9 @@ def update_at_points(S, root, delta, z0, L, before, held, weights, numbers, A):
 def commit(carried, rates, acc, offsets, ecef, numbers, d, A):
     """Take an update for good: correct the estimate, and turn what belongs to its attitude.
 
-    The attitude error that is left is turned by :func:`navfuse.core.rotation.left_jacobian`, exactly to first order in
-    it; the numbers are changed to plain errors for the smoother. No checks are made.
+    The attitude error that is left is turned by :func:`navfuse.mechanization.sigma_points.correction_turn`. For the
+    smoother the numbers are changed to plain errors, and the last TURN of them receive what the correction did to these
+    (9, 3): the attitude error turns, and takes what was integrated, which has been turned too. No checks are made.
     """
     n = A.shape[0]
     _, _, _, H, K, dx = parts(numbers, d, n)
@@ -102,22 +118,21 @@ def commit(carried, rates, acc, offsets, ecef, numbers, d, A):
     u = down_axis(carried[:10], ecef)
     J = correction_turn(dx, u)
     E = dcm_from_rotvec(turned(dx, u))
-    turn = numbers[room(d, n) :]
-    for i in range(9):
-        turn[i] = J[i]
-    for part in range(0, 6, 3):
-        g = (gone[part], gone[part + 1], gone[part + 2])
-        h = mat_vec(E, g)
-        for k in range(3):
-            psi = (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0)
-            u, v = cross(mat_vec(J, psi), h), cross(psi, g)
-            for i in range(3):
-                turn[9 + 3 * part + 3 * i + k] = u[i] - v[i]
     for c in range(A.shape[1]):
         A[6, c], A[7, c], A[8, c] = mat_vec(J, (A[6, c], A[7, c], A[8, c]))
     triangularize(A, A.shape[1], acc[ROOT : ROOT + n * n].reshape((n, n)))
     d9 = dx[:9].copy()
     retract(carried[:10], gone, d9, ecef)
+    G = numbers[room(d, n) :].reshape((9, 3))
+    for c in range(3):
+        psi = (J[c], J[3 + c], J[6 + c])
+        G[6, c], G[7, c], G[8, c] = psi
+        before = (1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0)
+        for part in range(0, 6, 3):
+            old = (gone[part], gone[part + 1], gone[part + 2])
+            u, v = cross(psi, mat_vec(E, old)), cross(before, old)
+            for i in range(3):
+                G[part + i, c] = u[i] - v[i]
     for part in range(0, 6, 3):
         gone[part], gone[part + 1], gone[part + 2] = mat_vec(E, (gone[part], gone[part + 1], gone[part + 2]))
     for i in range(n - 9):
@@ -152,6 +167,10 @@ class UnscentedFilter(NavigationFilter):
     """
 
     lets_go_early = True
+    unknown_heading = (
+        "the measurements are going to tell it; until the standard deviation of the heading has fallen, a smoothed "
+        "solution, which is linear over the correction, is not to be trusted"
+    )
 
     def _spread(self) -> SigmaSpread:
         s = self.settings
@@ -164,6 +183,8 @@ class UnscentedFilter(NavigationFilter):
                 'an unscented filter corrects the inertial solution: use [filter] feedback = "closed", or estimator = '
                 '"ekf"'
             )
+        if s.iterations < 1:
+            raise ConfigError(f"iterations = {s.iterations} of an unscented filter must be at least 1")
         spread = self._spread()
         self._weights = spread.weights()
         self._offsets = sensor_offsets(self.layout)
@@ -174,13 +195,26 @@ class UnscentedFilter(NavigationFilter):
         n, spread = self.layout.size, self._spread()
         self._take_root()
         widest = float(np.sqrt(np.max(np.linalg.eigvalsh(self.P[6:9, 6:9]))))
-        if spread.distance * widest >= np.pi:
+        if spread.distance * widest > np.pi * (1.0 + 1e-6):
+            most = np.pi / widest / np.sqrt(n + spread.kappa)
             raise ConfigError(
                 f"sigma points {spread.distance:.3g} standard deviations out (alpha = {spread.scale:.3g}, kappa = "
                 f"{spread.kappa:g}, {n} states) reach {np.degrees(spread.distance * widest):.0f} deg of attitude, with "
-                f"a start known to {np.degrees(widest):.0f} deg: past half a turn they come round; lower alpha, below "
-                f"{np.pi / widest / np.sqrt(n + spread.kappa):.3g}, or give a better start"
+                f"a start known to {np.degrees(widest):.0f} deg: past half a turn they come round; give a better start "
+                f'or use estimator = "ukf" with alpha below {most:.3g}'
             )
+        self._narrow()
+
+    def _narrow(self) -> None:
+        """Take back an attitude known so badly that points would come round from the other side."""
+        most, root = (WIDEST / self._weights[0]) ** 2, self.root
+        values, vectors = np.linalg.eigh(root[6:9] @ root[6:9].T)
+        if values[-1] <= most:
+            return
+        A = root.copy()
+        A[6:9] = (vectors * np.sqrt(np.minimum(most / np.maximum(values, 1e-300), 1.0))) @ vectors.T @ root[6:9]
+        triangularize(A, self.layout.size, root)
+        covariance_of_root(self._acc, self.P)
 
     def _take_root(self) -> None:
         if not _root_of(self.P, self.root):
@@ -193,14 +227,38 @@ class UnscentedFilter(NavigationFilter):
 
     @property
     def P(self) -> Array:
-        """Covariance (n, n) of the errors in the order of `layout`. Assign a whole matrix to it, in place nothing."""
+        """Covariance (n, n) of the errors in the order of `layout`. Assign a whole matrix to it, in place nothing.
+
+        A covariance step that is under way ends with the assignment.
+        """
         return self._views[3]
 
     @P.setter
     def P(self, value: Array) -> None:
         self._views[3][...] = value
-        self._acc[GONE:BEGUN] = 0.0
+        self._take_in_changes()
+        self._acc[:BEGUN] = 0.0
         self._take_root()
+
+    def feed(self, increments: ImuIncrements) -> None:
+        """See :meth:`navfuse.filters.navigation_filter.NavigationFilter.feed`."""
+        self._take_in_changes()
+        super().feed(increments)
+
+    def _take_in_changes(self) -> None:
+        """Move the points of a covariance step under way along with an estimate that was assigned to."""
+        if self._acc[ACC_TIME] == 0.0:
+            return
+        _, X = points_of(self._acc, self.layout.size)
+        if np.array_equal(X[0, :10], self.nav) and np.array_equal(X[0, 10:], self.s):
+            return
+        before, d = X[0].copy(), np.empty(9)
+        for x in X:
+            boxminus_navigation(x[:10], before[:10], self.settings.ecef, d)
+            x[:10] = self.nav
+            boxplus_navigation(x[:10], d, self.settings.ecef)
+        X[:, 10:] += self.s - before[10:]
+        X[0, :10], X[0, 10:] = self.nav, self.s
 
     def _make_take(self) -> Callable[..., float]:
         """Not used: an update may take several regressions."""
@@ -213,24 +271,32 @@ class UnscentedFilter(NavigationFilter):
         gone = self._acc[GONE:BEGUN]
         states_at_points(self._carried, self._last, gone, root, mean, self._weights[0], self._offsets, ecef, X, rates)
         points = NavStates(self.time, X[:, :10], ecef, X[:, 10:], layout, rates)
-        delta, z0 = sensor.predict_points(points, k)
+        with np.errstate(invalid="ignore"):
+            delta, z0 = sensor.predict_points(points, k)
         if not np.isfinite(delta).all():
-            self._refuse(sensor, k, points)
+            raise self._refusal(sensor, k, points)
         return delta, z0
 
-    def _refuse(self, sensor: AidingSensor, k: int, points: NavStates) -> None:
+    def _refusal(self, sensor: AidingSensor, k: int, points: NavStates) -> FilterError:
         n = self.layout.size
+        measurement = f"{sensor.name} measurement {k} at {float(sensor.times[k]):.3f} s"
         values = [sensor.predict(points[p], k) for p in range(2 * n + 1)]
-        bad = next((p for p, value in enumerate(values) if not np.isfinite(value).all()), 0)
+        bad = next((p for p, value in enumerate(values) if not np.isfinite(value).all()), None)
+        if not np.isfinite(self.nav).all():
+            return FilterError(
+                f"the navigation state is no longer finite at {self.time:.3f} s; look at the inertial data before it"
+            )
+        if bad is None:
+            return FilterError(f"{measurement}: subtract gives no finite difference of two finite predictions")
         where = (
             "at the estimate"
             if bad == 0
             else f"at a sigma point, {self._weights[0]:.3g} standard deviations from the estimate along column "
             f"{(bad - 1) % n} of the covariance's root"
         )
-        raise FilterError(
-            f"{sensor.name} measurement {k} at {float(sensor.times[k]):.3f} s: predict gives {np.asarray(values[bad])} "
-            f"{where}; it has to give finite values for every state within the uncertainty"
+        return FilterError(
+            f"{measurement}: predict gives {np.asarray(values[bad])} {where}; it has to give finite values for every "
+            "state within the uncertainty"
         )
 
     def _use(self, sensor: AidingSensor, k: int, limit: Callable[[int], float] | None) -> tuple[float, int, Array]:
@@ -240,7 +306,8 @@ class UnscentedFilter(NavigationFilter):
             delta, z0 = self._predictions(sensor, k, before, root)
             d = z0.size
             if k_iteration == 0:
-                numbers, A, L = np.empty(room(d, n) + TURN), np.empty((n, 3 * n + 1 + d)), self._noise_root(sensor, k, d)
+                L = self._noise_root(sensor, k, d)
+                numbers, A = np.empty(room(d, n) + TURN), np.empty((n, 3 * n + 1 + d))
                 most = -1.0 if limit is None else limit(d)
             nis, share = update_at_points(
                 S, root, delta, z0, L, before, self._hold.direction, self._weights, numbers, A
@@ -249,6 +316,8 @@ class UnscentedFilter(NavigationFilter):
                 first = nis
                 if not nis <= most:
                     return nis, d, numbers
+            elif not np.isfinite(nis):
+                return np.nan, d, numbers
             dx = parts(numbers, d, n)[5]
             if share < LINEAR_SHARE or k_iteration + 1 == self.settings.iterations:
                 break
@@ -263,12 +332,12 @@ class UnscentedFilter(NavigationFilter):
         return first, d, numbers
 
     def _noise_root(self, sensor: AidingSensor, k: int, d: int) -> Array:
-        R = np.asarray(noise_covariance(sensor.noise(k), d), dtype=float)
-        L = np.empty((d, d))
-        if R.shape != (d, d) or not semidefinite_root(R, L):
+        noise, L = np.asarray(sensor.noise(k), dtype=float), np.empty((d, d))
+        fits = noise.shape in ((), (1,), (d,), (d, d))
+        if not fits or not semidefinite_root(np.ascontiguousarray(noise_covariance(noise, d)), L):
             raise FilterError(
                 f"{sensor.name} measurement {k} at {float(sensor.times[k]):.3f} s: its noise must be {d} standard "
-                f"deviations or a positive semi-definite covariance ({d}, {d}), got the shape {R.shape}"
+                f"deviations or a positive semi-definite covariance ({d}, {d}), got {noise.tolist()}"
             )
         return L
 
@@ -281,8 +350,18 @@ class UnscentedFilter(NavigationFilter):
         if self._hold.direction.any():
             self._settle()
             self._drop_correlations()
-        elif float(np.max(np.diagonal(self.P)[6:9])) < NARROW**2:
+        elif self._is_straight():
             relax(self._acc, np.empty(self.P.shape))
+
+    def _is_straight(self) -> bool:
+        """Whether the arc on which a wrong heading takes the velocity since the last settling is as good as straight.
+
+        To stay unsettled has its price. A product of heading and level errors is seen by none of the points, it grows
+        with the time that gravity has been integrated, and it makes the filter believe it learned a heading at rest.
+        """
+        down, Du = np.array(down_axis(self.nav, self.settings.ecef)), self._acc[GONE + 3 : BEGUN]
+        level = Du - (down @ Du) * down
+        return bool(0.5 * (down @ self.P[6:9, 6:9] @ down) * np.sqrt(level @ level) < SAGITTA)
 
     def _uncorrelate(self) -> None:
         """Nothing before a measurement: points around the compass know what a heading does to it."""
@@ -306,6 +385,7 @@ class UnscentedFilter(NavigationFilter):
         added = vectors * np.sqrt(np.maximum(values, 0.0))
         triangularize(np.ascontiguousarray(np.hstack([self.root, added])), 2 * n, self.root)
         covariance_of_root(self._acc, self.P)
+        self._narrow()
 
 
 def _no_take() -> float:
@@ -323,12 +403,12 @@ def _root_of(P: Array, S: Array) -> bool:
 
     The correlations are decomposed, so that states of very different size do not drown each other.
     """
-    sd = np.sqrt(np.diagonal(P))
-    if not np.isfinite(sd).all():
+    if not np.isfinite(P).all() or np.min(np.diagonal(P)) < 0.0:
         return False
+    sd = np.sqrt(np.diagonal(P))
     scale = np.where(sd > 0.0, sd, 1.0)
     values, vectors = np.linalg.eigh(P / np.outer(scale, scale))
-    if not np.isfinite(values).all() or values[0] < -1e-9:
+    if values[0] < -1e-9:
         return False
     columns = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     triangularize(np.ascontiguousarray(columns), P.shape[0], S)

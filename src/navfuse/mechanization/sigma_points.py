@@ -24,7 +24,7 @@ u. So an error of heading leaves alone what is known of the level relative to th
 the propagation all but linear for attitude errors of any size, and leaves the arc to the measurement, where
 :class:`navfuse.filters.unscented.UnscentedFilter` iterates. To first order it is a linear change of coordinates, so
 that in normal use nothing else changes; the covariance that is put out is that of the plain errors. The filter settles,
-with Du = Dw = 0, as soon as the attitude is known well enough. See docs/decisions/0011.
+with Du = Dw = 0, after every event at which the arc is as good as straight. See docs/decisions/0011.
 """
 
 from __future__ import annotations
@@ -72,12 +72,12 @@ Array = np.ndarray
 
 FORCE, ANGLE, SPEED, DCM, GONE, BEGUN, ROOT = 1, 4, 7, 10, 19, 25, 31
 """Where, after ACC_TIME, the sums of a step stand for the centre point: velocity increment in m, increments of angle
-and velocity in b, C_mb at the beginning; then Dw and Du since the last event, now and at the beginning of the step; then
-the root of the covariance, and the points.
+and velocity in b, C_mb at the beginning; then Dw and Du since the last event, now and at the beginning of the step;
+then the root of the covariance, and the points.
 """
 
 SMALL_TURN, SMALL_TILT = 0.3, 0.02
-"""Heading and tilt [rad] up to which a series stands for the product of two rotations: off by 4e-8 rad at most."""
+"""Heading, tilt [rad] up to which a series stands for the product of two rotations: off by 4e-8 rad at most."""
 
 MEAN_PASSES = 8
 MEAN_ANGLE, MEAN_POSITION = 1e-10, 1e-6

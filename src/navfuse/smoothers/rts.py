@@ -29,7 +29,7 @@ from navfuse.core.rotation import left_jacobian, mat_t_vec
 from navfuse.data.nav_state import describe_rows
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
-from navfuse.filters.event import TURN, parts, room, split
+from navfuse.filters.event import parts, room, split
 from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.record import Checkpoint, trajectory_from_rows
 from navfuse.imu.increments import ImuIncrements
@@ -135,28 +135,53 @@ def _uncorrelate_direction(held, P):
 
 
 @fused
+def _back_across_turn(G, lam, Lam):
+    """Carry the adjoint to before a correction that made ``d + (G - D) psi`` of a navigation error d with the attitude
+    psi, D the columns (9, 3) of the identity that belong to it. No checks are made.
+    """
+    n = lam.size
+    turned = np.empty(3)
+    for c in range(3):
+        turned[c] = 0.0
+        for k in range(9):
+            turned[c] += G[k, c] * lam[k]
+    for c in range(3):
+        lam[6 + c] = turned[c]
+    for i in range(n):
+        for c in range(3):
+            turned[c] = 0.0
+            for k in range(9):
+                turned[c] += Lam[i, k] * G[k, c]
+        for c in range(3):
+            Lam[i, 6 + c] = turned[c]
+    for i in range(n):
+        for c in range(3):
+            turned[c] = 0.0
+            for k in range(9):
+                turned[c] += Lam[k, i] * G[k, c]
+        for c in range(3):
+            Lam[6 + c, i] = turned[c]
+
+
+@fused
 def _back_across_update(numbers, d, turned, lam, Lam, work):
     """Carry the adjoint from after a measurement update to before it.
 
     `numbers` is what :func:`navfuse.filters.event.take` left behind of the d values; `turned` tells whether the
-    estimate was corrected. No checks are made.
+    estimate was corrected. An unscented filter leaves behind what its correction did to the navigation error as well.
+    No checks are made.
     """
     n = lam.size
     z, _, Sinv, H, K, dx = parts(numbers, d, n)
-    if turned:
-        for row in range(-1, 2 * n):
-            v = lam if row < 0 else (Lam[row] if row < n else Lam[:, row - n])
-            if numbers.size < room(d, n) + TURN:
-                v[6], v[7], v[8] = mat_t_vec(left_jacobian((dx[6], dx[7], dx[8])), (v[6], v[7], v[8]))
-                continue
-            turn = numbers[room(d, n) :]
-            a, b, c = 0.0, 0.0, 0.0
-            for i in range(3):
-                p, q, r = v[6 + i], v[i], v[3 + i]
-                a += turn[3 * i] * p + turn[9 + 3 * i] * q + turn[18 + 3 * i] * r
-                b += turn[3 * i + 1] * p + turn[10 + 3 * i] * q + turn[19 + 3 * i] * r
-                c += turn[3 * i + 2] * p + turn[11 + 3 * i] * q + turn[20 + 3 * i] * r
-            v[6], v[7], v[8] = a, b, c
+    if numbers.size > room(d, n):
+        _back_across_turn(numbers[room(d, n) :].reshape((9, 3)), lam, Lam)
+    elif turned:
+        J = left_jacobian((dx[6], dx[7], dx[8]))
+        lam[6], lam[7], lam[8] = mat_t_vec(J, (lam[6], lam[7], lam[8]))
+        for i in range(n):
+            Lam[i, 6], Lam[i, 7], Lam[i, 8] = mat_t_vec(J, (Lam[i, 6], Lam[i, 7], Lam[i, 8]))
+        for i in range(n):
+            Lam[6, i], Lam[7, i], Lam[8, i] = mat_t_vec(J, (Lam[6, i], Lam[7, i], Lam[8, i]))
     for e in range(d):
         v = 0.0
         for i in range(n):
