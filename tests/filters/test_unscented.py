@@ -226,7 +226,7 @@ def test_a_sensor_that_answers_nonsense_is_named_with_its_measurement_and_time(w
 
 
 def test_increments_that_are_not_numbers_are_noticed_at_the_next_fix():
-    increments = cut(INCREMENTS, 0)
+    increments = copy.deepcopy(INCREMENTS)
     increments.inc_v_b[300] = np.nan
     with pytest.raises(FilterError, match="no longer finite at 6.107 s"):
         run(increments=increments)
@@ -327,7 +327,7 @@ def test_a_gap_is_bridged_and_widens_no_state_but_those_of_the_motion(length):
     for checkpoint in filter_.record.checkpoints:
         P = checkpoint.P
         assert np.all(np.diagonal(P) > 0.0)
-        assert filter_._weights[0] * np.sqrt(np.linalg.eigvalsh(P[6:9, 6:9])[-1]) < 1.1 * np.pi
+        assert filter_._weights[0] * np.sqrt(np.linalg.eigvalsh(P[6:9, 6:9])[-1]) < np.pi
     inside = [np.sqrt(np.diagonal(c.P))[9:] for c in filter_.record.checkpoints]
     assert np.all(inside[-1] <= 1.05 * inside[0])
     if length <= 3.0:

@@ -59,7 +59,7 @@ def test_a_heading_known_to_60_deg_is_found_within_a_minute_of_driving():
 
 def test_a_heading_known_to_25_deg_is_not_learned_wrongly_at_rest():
     """Not held, and once narrowed to a third at rest with an error of 27 deg."""
-    time, heading, nees, n = runs("ukf", range(6), 62.0, 25.0)
+    time, heading, nees, _ = runs("ukf", range(6), 62.0, 25.0)
     moving = time > STANDING_S + 20.0
     assert np.abs(heading[:, moving]).max() < 3.0
     assert nees[:, (time < STANDING_S) & (time > 5.0)].mean() < 2.0

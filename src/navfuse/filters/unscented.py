@@ -352,6 +352,8 @@ class UnscentedFilter(NavigationFilter):
             self._drop_correlations()
         elif self._is_straight():
             relax(self._acc, np.empty(self.P.shape))
+        if float(np.max(np.diagonal(self.P)[6:9])) > 1.0:
+            self._narrow()
 
     def _is_straight(self) -> bool:
         """Whether the arc on which a wrong heading takes the velocity since the last settling is as good as straight.
