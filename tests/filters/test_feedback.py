@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -166,7 +168,7 @@ def test_pieces_give_the_same_bits(drive):
     for cuts in ([], [33, 1004, 2000]):
         filter_ = FeedbackFilter(start, MEMS, [GnssPosition(logs.gnss, LEVER)])
         edges = [0, *cuts, len(increments)]
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in pairwise(edges):
             filter_.feed(cut(increments, first, last))
         runs.append(filter_.record)
     assert_same_record(*runs)
@@ -265,6 +267,14 @@ def test_a_sensor_without_bias_is_no_full_state(drive, sensor):
     logs, start, _ = drive
     with pytest.raises(ConfigError, match=f"but {sensor}_bias_sd is 0"):
         feedforward_filter(start, MEMS.replace(**{f"{sensor}_bias_sd": 0.0}), [GnssPosition(logs.gnss)])
+
+
+def test_the_accelerometer_that_points_down_may_be_biased_by_its_scale_factor(drive):
+    logs, start, _ = drive
+    filter_ = feedforward_filter(start, MEMS, [GnssPosition(logs.gnss)])
+    bias, scale = MEMS.axes("accel_bias_sd"), MEMS.axes("accel_scale_sd")
+    expected = [bias[0], bias[1], np.hypot(bias[2], 9.80665 * scale[2])]
+    np.testing.assert_allclose(np.sqrt(np.diagonal(filter_.P)[filter_.layout.slice("accel_bias")]), expected)
 
 
 def test_a_drifting_position_tells_what_the_sensor_inside_tells(drive):
