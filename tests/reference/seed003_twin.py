@@ -1,11 +1,12 @@
 """The two unscented filters of a student report as a textbook would have them: slow, plain, independent of the package.
 
-The report (INS-GNSS integration using UKF, WPI RBE-595) propagates latitude, longitude, height, Euler angles and velocity
-with one IMU sample a second. What was wrong in print is put right here: the third component of the transport rate is
-``-v_E tan L / (R_E + h)``, Earth and transport rate are resolved in n, the height falls with a velocity down, and the
-latitude goes with the meridian radius. Sigma points are the 2 n + 1 of the scaled transform with alpha = 1, beta = 2, kappa
-= 0, so that no weight is negative; the covariance is a weighted sum, Q and R are added. No covariance is patched: the
-Cholesky factor is taken of what comes out.
+The report (INS-GNSS integration using UKF, WPI RBE-595) propagates latitude, longitude, height, Euler angles and
+velocity with one IMU sample a second. What was wrong in print is put right here: the third component of the transport
+rate is ``-v_E tan L / (R_E + h)``, Earth and transport rate are resolved in n, the height falls with a velocity down,
+and the latitude goes with the meridian radius. Sigma points are the 2 n + 1 of the scaled transform with alpha = 1, beta
+= 2, kappa = 0, so that no weight is negative; the covariance is a weighted sum, Q and R are added. No covariance is
+patched and no exception is caught: the Cholesky factor is taken of what comes out. Only e, known exactly once it has been
+fed back, is given a micrometre, since the factor wants a positive variance.
 
 States: L, lambda [rad], h [m], roll, pitch, heading [rad], v_N, v_E, v_D [m/s], then e north, east, down [m] or biases
 b_a [m/s^2], b_g [rad/s]. In the covariance, latitude and longitude are counted in metres.
@@ -128,7 +129,7 @@ class TextbookFilter:
         extra = np.zeros(3) if biases is None else np.repeat(biases, 3)
         self.x = np.concatenate([x, np.zeros(extra.size)])
         n = self.x.size
-        self.P = np.diag(np.concatenate([sd, np.where(extra > 0.0, extra, 1e-3)]) ** 2)
+        self.P = np.diag(np.concatenate([sd, np.where(extra > 0.0, extra, 1e-6)]) ** 2)
         t = tuning
         tail = [t.position] * 3 if self.feedback else [t.accel_bias] * 3 + [t.gyro_bias] * 3
         self.q = np.array([0.0] * 3 + [t.attitude] * 3 + [t.velocity] * 3 + tail) ** 2
@@ -198,7 +199,7 @@ class TextbookFilter:
             self.x[:3] -= e / self.metres()[:3]
             self.x[9:12] = 0.0
             self.P = M @ self.P @ M.T
-            self.P[range(9, 12), range(9, 12)] += 1e-12
+            self.P[range(9, 12), range(9, 12)] += 1e-6**2
 
 
 def run(filter_: TextbookFilter, time: Array, gyro: Array, accel: Array, fixes: dict[float, tuple[Array, Array]]):
