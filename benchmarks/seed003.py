@@ -61,7 +61,7 @@ class Flight:
 
 def judge(case: Case, time: Array, nav: Array, P: Array, seconds: float) -> Flight:
     """Errors of navigation states (m, 10) with covariances (m, 9, 9) from SETTLED_S on."""
-    kept = (time >= time[0] + SETTLED_S) & (time <= case.logs.motion.end)
+    kept = (time >= case.start.time + SETTLED_S) & (time <= case.logs.motion.end)
     truth = case.logs.motion.at(time[kept])
     error, _ = navigation_errors(truth.r_e, truth.v_e, truth.q_eb, nav[kept], False)
     P = P[kept]
@@ -145,7 +145,7 @@ def fixes_themselves(case: Case) -> Flight:
     place = case.logs.motion.trajectory(gnss.time[inside])
     error = np.full((int(inside.sum()), 9), np.nan)
     error[:, :3] = np.einsum("mji,mj->mi", ned_axes(place.lat, place.lon), truth.r_e - r[inside])
-    kept = gnss.time[inside] >= gnss.time[0] + SETTLED_S
+    kept = gnss.time[inside] >= case.start.time + SETTLED_S
     sd = np.full_like(error, np.nan)
     sd[:, :3] = gnss.sd_position[inside]
     return Flight(error[kept], sd[kept], np.full(3, np.nan), 0.0)

@@ -3,10 +3,10 @@
 The report (INS-GNSS integration using UKF, WPI RBE-595) propagates latitude, longitude, height, Euler angles and
 velocity with one IMU sample a second. What was wrong in print is put right here: the third component of the transport
 rate is ``-v_E tan L / (R_E + h)``, Earth and transport rate are resolved in n, the height falls with a velocity down,
-and the latitude goes with the meridian radius. Sigma points are the 2 n + 1 of the scaled transform with alpha = 1, beta
-= 2, kappa = 0, so that no weight is negative; the covariance is a weighted sum, Q and R are added. No covariance is
-patched and no exception is caught: the Cholesky factor is taken of what comes out. Only e, known exactly once it has been
-fed back, is given a micrometre, since the factor wants a positive variance.
+and the latitude goes with the meridian radius. Sigma points are the 2 n + 1 of the scaled transform with alpha = 1,
+beta = 2, kappa = 0, so that no weight is negative; the covariance is a weighted sum, Q and R are added. No covariance
+is patched and no exception is caught: the Cholesky factor is taken of what comes out. Only e, known exactly once it has
+been fed back, is given a micrometre, since the factor wants a positive variance.
 
 States: L, lambda [rad], h [m], roll, pitch, heading [rad], v_N, v_E, v_D [m/s], then e north, east, down [m] or biases
 b_a [m/s^2], b_g [rad/s]. In the covariance, latitude and longitude are counted in metres.
