@@ -1,7 +1,7 @@
 """Two unscented filters of a student report against the same filters as a textbook would have them.
 
-``python -m benchmarks.seed003 [RUNS]`` flies the scenario ``aircraft-1hz`` with another draw of every error for each
-run, and prints root mean square errors from one minute after the start on. The textbook twins are those of
+``python -m benchmarks.seed003 [RUNS]`` (``figure FILE`` draws one flight) flies the scenario ``aircraft-1hz`` with another
+draw of every error for each run, and prints root mean square errors from one minute after the start on. The textbook twins are those of
 ``tests/reference/seed003_twin.py``, tuned on two runs that are not among these. See docs/seed-003.md.
 """
 
@@ -201,7 +201,8 @@ def table(recipe: Callable[[int], Case], runs: int, names: tuple[str, ...], titl
     for column in [*columns, "NEES position", "velocity", "attitude", "s"]:
         shown.add_column(column)
     for name in names:
-        shown.add_row(*row(name, measured(name, runs, recipe)))
+        shown.add_row(*(cells := row(name, measured(name, runs, recipe))))
+        print(*cells, sep=", ", file=sys.stderr)
     Console(width=200).print(shown)
 
 
@@ -222,10 +223,36 @@ def without_biases(recipe: Callable[[int], Case]) -> Callable[[int], Case]:
     return changed
 
 
+def figure(recipe: Callable[[int], Case], file: Path) -> None:
+    """Errors of one flight over time, with what the filters say of them."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    flown = {name: FLIGHTS[name](recipe(0)) for name in ("fixes", "ukf-feedback-12", "ukf-feedforward-15")}
+    shown, axes = plt.subplots(3, 1, figsize=(9.0, 7.0), sharex=True, constrained_layout=True)
+    for part, (axis, label) in enumerate(zip(axes, ("north", "east", "down"), strict=True)):
+        for (name, flight), color in zip(flown.items(), ("0.8", "tab:orange", "tab:blue"), strict=True):
+            time = SETTLED_S + np.arange(flight.error.shape[0])
+            axis.plot(time, -flight.error[:, part], color=color, lw=0.5 if name == "fixes" else 1.0, label=name)
+            if name != "fixes":
+                for sign in (-3.0, 3.0):
+                    axis.plot(time, sign * flight.sd[:, part], color=color, lw=1.0, ls="--")
+        axis.set_ylabel(f"{label} [m]")
+    axes[0].legend(ncols=3, loc="upper right")
+    axes[-1].set_xlabel("time [s]")
+    shown.suptitle("Position errors of one flight at 1 Hz; dashed: three standard deviations of the filter")
+    shown.savefig(file, dpi=110)
+
+
 def main() -> None:
-    """Measure and print."""
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
+    """Measure and print, or draw."""
     recipe = ScenarioRecipe("aircraft-1hz")
+    if sys.argv[1:2] == ["figure"]:
+        figure(recipe, Path(sys.argv[2]))
+        return
+    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
     table(recipe, runs, tuple(FLIGHTS), f"aircraft-1hz, {runs} runs of {recipe.duration:.0f} s")
     same = "ukf-feedback-12", "ukf-feedforward-15, position only", "ukf-feedback-12, velocity too", "ukf-feedforward-15"
     few = max(1, runs // 4)
