@@ -1,8 +1,9 @@
 """Two unscented filters of a student report against the same filters as a textbook would have them.
 
-``python -m benchmarks.seed003 [RUNS]`` (``figure FILE`` draws one flight) flies the scenario ``aircraft-1hz`` with another
-draw of every error for each run, and prints root mean square errors from one minute after the start on. The textbook twins are those of
-``tests/reference/seed003_twin.py``, tuned on two runs that are not among these. See docs/seed-003.md.
+``python -m benchmarks.seed003 [RUNS]`` flies the scenario ``aircraft-1hz`` with another draw of every error for each
+run, and prints root mean square errors from one minute after the start on; ``figure FILE`` draws one flight. The
+textbook twins are those of ``tests/reference/seed003_twin.py``, tuned on two runs that are not among these. See
+docs/seed-003.md.
 """
 
 from __future__ import annotations
