@@ -12,14 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfuse.analysis.consistency import nis_summary
+from navfuse.analysis.event_nees import events_to_smooth, nees_at_events, smoothed_nees_at_events
 from navfuse.analysis.filter_comparison import (
     EstimatorRun,
     FilterComparison,
     Solution,
     compare_solution,
-    events_to_smooth,
-    nees_at_events,
-    smoothed_nees_at_events,
 )
 from navfuse.analysis.interpolation import earth_states, ned_axes
 from navfuse.core.earth import ecef_to_geodetic_batch

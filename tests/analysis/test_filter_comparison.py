@@ -9,18 +9,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from navfuse.analysis import filter_comparison
-from navfuse.analysis.filter_comparison import (
+from navfuse.analysis import event_nees
+from navfuse.analysis.event_nees import (
     NAVIGATION,
-    WINDOW_S,
     NeesSummary,
-    compare_solution,
     events_to_smooth,
     events_within,
     nees_at_events,
-    running_rms,
     smoothed_nees_at_events,
 )
+from navfuse.analysis.filter_comparison import WINDOW_S, compare_solution, running_rms
 from navfuse.analysis.great_circle import haversine
 from navfuse.analysis.interpolation import earth_states, ned_axes
 from navfuse.core.earth import geodetic_to_ecef
@@ -80,7 +78,7 @@ def test_the_events_to_smooth_are_spread_evenly_and_begin_behind_a_held_heading(
     case = case_of()
     record, truth = filtered(case).record, truth_of(case)
     whole = events_within(record, truth)
-    monkeypatch.setattr(filter_comparison, "MOST_SMOOTHED", 5)
+    monkeypatch.setattr(event_nees, "MOST_SMOOTHED", 5)
     some = events_to_smooth(record, truth)
     assert some.size == 5
     assert some[-1] == whole[-1]

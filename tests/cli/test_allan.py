@@ -149,7 +149,37 @@ def test_warnings_reach_the_terminal(navfuse, tmp_path):
     code, _, err = navfuse("allan", tmp_path / "log.npz", "-q", "--grid", "octave")
     assert code == 0
     assert "warning:" in err
-    assert "gyro x repeats one value 200 times" in err
+    assert "warning: log.npz: gyro x repeats one value 200 times" in err
+    assert str(tmp_path) not in err
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_the_work(navfuse, log, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    for folder in (tmp_path / "file", tmp_path / "file" / "out"):
+        code, out, err = navfuse("allan", log, "-o", folder, "-q")
+        assert (code, out) == (1, "")
+        assert err.startswith("error: ")
+        assert err.count("\n") == 1
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_an_error_leaves_nothing_behind(navfuse, log, tmp_path):
+    before = sorted(tmp_path.iterdir())
+    code, _, _ = navfuse("allan", log, "-o", tmp_path / "out", "-q", "--longest-s", "500")
+    assert code == 1
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_rate_beside_unused_time_stamps(navfuse, tmp_path):
+    values = np.random.default_rng(4).standard_normal((2000, 3))
+    np.savetxt(tmp_path / "log.txt", np.column_stack([np.arange(2000) / 100.0, values]))
+    options = ["--gyro", "2,3,4", "--gyro-unit", "deg/h", "--grid", "octave", "-q"]
+    code, _, err = navfuse("allan", tmp_path / "log.txt", *options, "--rate", "50")
+    assert code == 0
+    assert "warning: log.txt: column '1' rises steadily by 0.01, as time stamps in seconds at 100 Hz do" in err
+    code, out, err = navfuse("allan", tmp_path / "log.txt", *options, "--rate", "50", "--time", "1")
+    assert (code, out) == (1, "")
+    assert "--rate 50 Hz contradicts the time stamps, whose steps make 100 Hz" in err
 
 
 @pytest.mark.parametrize(
@@ -191,7 +221,7 @@ def test_bad_logs(navfuse, tmp_path):
     cases = {
         "moving": (moving, "Allan variance needs a sensor at rest"),
         "constant": (np.zeros((5000, 3)), "gyro x is constant"),
-        "nan": (np.full((5000, 3), np.nan), "gyro x is constant"),
+        "nan": (np.full((5000, 3), np.nan), "gyro x (column 'gyro_degps') has no number in any of its 5000 rows"),
         "short": (rng.standard_normal((50, 3)), "50 samples are too short a record"),
     }
     for name, (values, message) in cases.items():

@@ -70,6 +70,10 @@ def test_settings_to_data_sheet(navfuse, tmp_path):
     [
         ([], "give figures of a data sheet"),
         (["--grade", "tactical", "--gyro-noise", "1 deg/sqrt(h)"], "give figures of a data sheet"),
+        (["--grade", "tactical", "--one-sided"], "leave them out with --from and --grade"),
+        (["--grade", "tactical", "--digits", "0"], "digits = 0 must be 1 to 17"),
+        (["--gyro-noise", "1 deg/sqrt(h)", "--digits", "18"], "digits = 18 must be 1 to 17"),
+        (["--gyro-noise", "1 deg/sqrt(h)", "--bandwidth", "50 Hz"], "--bandwidth is for an rms noise"),
         (["--grade", "tactial"], "did you mean 'tactical'"),
         (["--gyro-noise", "1 deg/sqrt(parsec)"], "unknown unit 'parsec'"),
         (["--gyro-bias", "1e308 deg/s"], "--gyro-bias = '1e308 deg/s' is beyond any sensor"),
@@ -85,3 +89,13 @@ def test_one_clear_message(navfuse, options, message):
     assert (code, out) == (1, "")
     assert err.startswith("error: ")
     assert message in err
+
+
+def test_all_digits(navfuse, tmp_path):
+    _, out, _ = navfuse("noise", "--gyro-noise", "0.3 deg/sqrt(h)", "--accel-noise", "123.456789012345 ug/sqrt(Hz)",
+                        "--digits", "17")  # fmt: skip
+    (tmp_path / "imu.toml").write_text(out)
+    code, out, _ = navfuse("noise", "--from", tmp_path / "imu.toml", "--digits", "14")
+    assert code == 0
+    assert "0.3 deg/sqrt(h) = 0.005 deg/s/sqrt(Hz)" in out
+    assert "= 123.45678901234 ug/sqrt(Hz)" in out or "= 123.45678901235 ug/sqrt(Hz)" in out

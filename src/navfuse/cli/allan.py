@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import nullcontext
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -95,34 +96,32 @@ def allan(
     if config and as_json:
         raise ConfigError("--config and --json both print to standard output; give one of them")
     turn_on = _turn_on(gyro_turn_on, "gyro"), _turn_on(accel_turn_on, "accel")
-    with compilation(quiet), progress(quiet) as tell:
-        from navfuse.analysis.allan.settings import missing_turn_on
-        from navfuse.analysis.allan.study import StudySettings, study
-        from navfuse.io.atomic import refuse_to_replace
-        from navfuse.io.static_record import RecordLayout, read_static
+    from navfuse.io.atomic import atomic_folder, refuse_to_replace
 
-        if output is not None:
-            refuse_to_replace([log], output, _names())
-        settings = StudySettings(
-            kinds=_words(kind),
-            grid=grid,
-            terms=_words(terms),
-            gaps=gaps.value,
-            motion=motion.value,
-            from_s=from_s,
-            until_s=until_s,
-            longest_s=longest_s,
-            horizon_s=horizon_s,
-        )
-        layout = RecordLayout(gyro, accel, gyro_unit, accel_unit, time, rate, skip_rows)
-        found = study(read_static(log, layout), settings, tell)
-    for text in found.warnings:
-        warnings.warn(text, NavfuseWarning, stacklevel=1)
-    if (config or output is not None) and (text := missing_turn_on(found, turn_on)):
-        warnings.warn(text, NavfuseWarning, stacklevel=1)
-    section = _section(found, turn_on)
     if output is not None:
-        _write(output, found, section)
+        refuse_to_replace([log], output, _names())
+    with nullcontext() if output is None else atomic_folder(output, _names()) as part:
+        with compilation(quiet), progress(quiet) as tell:
+            from navfuse.analysis.allan.study import StudySettings, study
+            from navfuse.io.static_record import RecordLayout, read_static
+
+            settings = StudySettings(
+                kinds=_words(kind),
+                grid=grid,
+                terms=_words(terms),
+                gaps=gaps.value,
+                motion=motion.value,
+                from_s=from_s,
+                until_s=until_s,
+                longest_s=longest_s,
+                horizon_s=horizon_s,
+            )
+            layout = RecordLayout(gyro, accel, gyro_unit, accel_unit, time, rate, skip_rows)
+            found = study(read_static(log, layout), settings, tell)
+        _warn(found, log, turn_on if config or output is not None else None)
+        section = _section(found, turn_on)
+        if part is not None:
+            _write(part, found, section)
     if config:
         print(section, end="")
     elif as_json:
@@ -137,6 +136,18 @@ def allan(
         if output is not None:
             tables = [f"{kind}.csv" for kind in found.settings.kinds]
             print(f"results in {output}: {', '.join([*FILES, *tables])}")
+
+
+def _warn(found: AllanStudy, log: Path, turn_on: tuple[float | None, float | None] | None) -> None:
+    """Every warning under the name of the log without its folders; of the turn-on bias where settings are written."""
+    from navfuse.analysis.allan.settings import missing_turn_on
+    from navfuse.report.allan_tables import notices
+
+    told = notices(found, log.name)
+    if turn_on is not None and (text := missing_turn_on(found, turn_on)):
+        told.append(f"{log.name}: {text.removeprefix(f'{found.source}: ')}")
+    for text in told:
+        warnings.warn(text, NavfuseWarning, stacklevel=1)
 
 
 def _names() -> tuple[str, ...]:
@@ -174,20 +185,19 @@ def _section(found: AllanStudy, turn_on: tuple[float | None, float | None]) -> s
 
 
 def _write(folder: Path, found: AllanStudy, section: str) -> None:
-    from navfuse.io.atomic import atomic_folder
+    """Fill a folder that appears as a whole."""
     from navfuse.io.json_file import write_json
     from navfuse.io.tables import write_table
     from navfuse.report.allan_figures import write_figure
     from navfuse.report.allan_page import write_page
     from navfuse.report.allan_tables import curve_columns, to_dict
 
-    with atomic_folder(folder, _names()) as part:
-        write_json(part / "allan.json", to_dict(found))
-        for kind in found.settings.kinds:
-            write_table(part / f"{kind}.csv", curve_columns(found, kind))
-        write_figure(part / "allan.png", found)
-        write_page(part / "allan.html", found)
-        (part / "imu.toml").write_text(section, encoding="utf-8")
+    write_json(folder / "allan.json", to_dict(found))
+    for kind in found.settings.kinds:
+        write_table(folder / f"{kind}.csv", curve_columns(found, kind))
+    write_figure(folder / "allan.png", found)
+    write_page(folder / "allan.html", found)
+    (folder / "imu.toml").write_text(section, encoding="utf-8")
 
 
 def _print(found: AllanStudy) -> None:

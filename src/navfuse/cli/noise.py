@@ -46,10 +46,15 @@ def noise(
         Path | None,
         typer.Option("--from", metavar="TOML", help="The other way: data sheet figures of a file with [imu]."),
     ] = None,
-    grade: Annotated[str, typer.Option(help="The other way: figures of a ready-made grade.")] = "",
+    grade: Annotated[
+        str, typer.Option(metavar="NAME", help="The other way: figures of a ready-made grade, such as tactical.")
+    ] = "",
+    digits: Annotated[
+        int | None, typer.Option(help="Digits of every number, 1 to 17; 4 in [imu] keys and 5 in figures otherwise.")
+    ] = None,
 ) -> None:
     """Convert between data sheet figures and the [imu] keys of a project file, with the formulas."""
-    from navfuse.imu.datasheet import SheetReading, from_sheet, sheet_fields, to_sheet
+    from navfuse.imu.datasheet import SheetReading, check_digits, from_sheet, sheet_fields, to_sheet
     from navfuse.io.unit_text import parse_quantity
 
     given = {
@@ -67,8 +72,7 @@ def noise(
     if sum(ways) != 1:
         raise ConfigError(
             "give figures of a data sheet, such as --gyro-noise '0.2 deg/sqrt(h)', or one of --from and "
-            "--grade for the "
-            "other way"
+            "--grade for the other way"
         )
     width = parse_quantity(bandwidth, "frequency", what="--bandwidth")[0].value if bandwidth else None
     if figures:
@@ -76,13 +80,19 @@ def noise(
 
         seconds = parse_quantity(tau, "time", what="--tau")[0].value
         model, formulas = from_sheet(figures, SheetReading(one_sided, coefficient, seconds, width, order))
-        print(imu_section(model, formulas, sheet_fields(figures)), end="")
+        digits = check_digits(4 if digits is None else digits)
+        print(imu_section(model, formulas, sheet_fields(figures), digits), end="")
         return
+    if one_sided or coefficient:
+        raise ConfigError(
+            "--one-sided and --coefficient say how figures of a data sheet are meant; leave them out with --from and "
+            "--grade, which print both densities and the floor"
+        )
     from navfuse.config.imu_section import model_of_file
     from navfuse.imu.grades import grade as ready_made
 
     model = model_of_file(from_file) if from_file is not None else ready_made(grade)
-    rows = to_sheet(model, width, order)
+    rows = to_sheet(model, width, order, 5 if digits is None else digits)
     wide = [max(len(row[k]) for row in rows) for k in range(2)]
     for what, figure, formula in rows:
         print(f"{what:{wide[0]}}  {figure:{wide[1]}}  {formula}")

@@ -15,10 +15,10 @@ from navfuse.config.toml_text import toml_value
 from navfuse.errors import ConfigError
 from navfuse.imu.error_model import DATASHEET_UNITS, ImuErrorModel
 
-_DIGITS = 4
 
-
-def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), fields: Collection[str] | None = None) -> str:
+def imu_section(
+    model: ImuErrorModel, comments: Sequence[str] = (), fields: Collection[str] | None = None, digits: int = 4
+) -> str:
     """The table ``[imu]`` with the noise of a sensor, ready to be pasted into a project file.
 
     Parameters
@@ -29,11 +29,13 @@ def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), fields: Coll
     fields : collection of str, optional
         Fields of the model to write: those that something is known of. What is not written stays as the grade of the
         project says; a zero that stands for "not known" would override it. All of them by default.
+    digits : int
+        Of each number, 1 to 17; with 17 the model is read back as it is.
 
     Returns
     -------
     str
-        TOML. Numbers have four digits. Scale factors and cross-coupling are written where they are not zero, a bias
+        TOML. Scale factors and cross-coupling are written where they are not zero, a bias
         walk where the correlation time is infinite, everything else always.
     """
     lines = ["[imu]", *(f"# {line}" for comment in comments for line in _comment_lines(comment))]
@@ -52,7 +54,7 @@ def imu_section(model: ImuErrorModel, comments: Sequence[str] = (), fields: Coll
             continue
         if value.ndim and np.ptp(value) <= 1e-9 * size:
             value = value[0]
-        lines.append(f"{key} = {toml_value(_rounded(value))}")
+        lines.append(f"{key} = {toml_value(_rounded(value, digits))}")
     return "\n".join(lines) + "\n"
 
 
@@ -61,8 +63,8 @@ def _comment_lines(text: str) -> list[str]:
     return [re.sub(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]", "?", line) for line in text.splitlines()]
 
 
-def _rounded(value: np.ndarray | float) -> float | list[float]:
-    numbers = [float(f"{x:.{_DIGITS}g}") for x in np.atleast_1d(value)]
+def _rounded(value: np.ndarray | float, digits: int) -> float | list[float]:
+    numbers = [float(f"{x:.{digits}g}") for x in np.atleast_1d(value)]
     return numbers if np.ndim(value) else numbers[0]
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import TYPE_CHECKING, Any, cast
 
 from navfuse.config.toml_text import toml_value, type_words, with_article
+from navfuse.core.nearest import nearest
 from navfuse.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -72,16 +72,14 @@ def _is_table(data: Any, path: tuple[str, ...]) -> bool:
 
 def _suggestion(path: tuple[str, ...], project: type[BaseModel]) -> str:
     tables = sections(project)
-    if len(path) == 1 and (close := difflib.get_close_matches(path[0], tables, n=1, cutoff=0.6)):
-        return f"did you mean [{close[0]}]?"
+    if len(path) == 1 and (close := nearest(path[0], tables, 0.6)):
+        return f"did you mean [{close}]?"
     here = list(tables[path[0]].model_fields) if len(path) == 2 else []
-    nearest = _nearest(path[-1], here, 0.6)
-    if nearest:
-        return f"did you mean {path[0]}.{nearest}?"
+    if close := _nearest(path[-1], here, 0.6):
+        return f"did you mean {path[0]}.{close}?"
     for name, table in tables.items():
-        nearest = _nearest(path[-1], list(table.model_fields), 0.85)
-        if nearest:
-            return f"did you mean {name}.{nearest}?"
+        if close := _nearest(path[-1], list(table.model_fields), 0.85):
+            return f"did you mean {name}.{close}?"
     if here:
         return f"[{path[0]}] has {', '.join(here)}"
     return f"there are {', '.join(f'[{name}]' for name in tables)}"
@@ -90,5 +88,4 @@ def _suggestion(path: tuple[str, ...], project: type[BaseModel]) -> str:
 def _nearest(word: str, known: list[str], cutoff: float) -> str | None:
     """The known key most like `word`: with a unit put behind it, or spelt nearly so."""
     without_unit = [name for name in known if name.startswith(f"{word}_")]
-    close = without_unit or difflib.get_close_matches(word, known, n=1, cutoff=cutoff)
-    return close[0] if close else None
+    return without_unit[0] if without_unit else nearest(word, known, cutoff)

@@ -1,4 +1,4 @@
-"""Constants of the Earth model, SI.
+"""Constants, SI: the Earth model, and a few that several parts share.
 
 WGS 84 defining and derived values: NGA.STND.0036_1.0.0_WGS84 (2014), tables 3.1, 3.5 and 3.7. The derived ones are
 computed here from the defining ones, so that they agree to the last bit with each other.
@@ -40,6 +40,9 @@ SOMIGLIANA_K = WGS84_B * GAMMA_POLE / (WGS84_A * GAMMA_EQUATOR) - 1.0
 
 GRAVITY_M = EARTH_RATE**2 * WGS84_A**2 * WGS84_B / EARTH_GM
 """Ratio m of centrifugal to gravitational acceleration at the equator."""
+
+ALLAN_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
+"""Allan deviation of flicker noise over its bias instability coefficient B, 0.664 (IEEE Std 952-1997, annex C)."""
 
 STANDARD_GRAVITY = 9.80665
 """The unit g [m/s^2]; a unit conversion, not a model of gravity."""

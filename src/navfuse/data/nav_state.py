@@ -302,6 +302,38 @@ class NavState:
         return NavState(self.time, array, self.ecef, states, self.layout, rates[:3], rates[3:])
 
 
+class NavStates:
+    """Several navigation states of one moment, row by row; item k is a :class:`NavState` that looks into them.
+
+    Attributes
+    ----------
+    time : float [s]
+    array : (m, 10) array
+    ecef : bool
+    states : (m, n - 9) array
+    layout : Layout
+    rates : (m, 6) array
+        Angular rate [rad/s] and specific force [m/s^2].
+    """
+
+    __slots__ = ("array", "ecef", "layout", "rates", "states", "time")
+
+    def __init__(self, time: float, array: Array, ecef: bool, states: Array, layout: Layout, rates: Array):
+        self.time = time
+        self.array = array
+        self.ecef = ecef
+        self.states = states
+        self.layout = layout
+        self.rates = rates
+
+    def __len__(self) -> int:
+        return len(self.array)
+
+    def __getitem__(self, k: int) -> NavState:
+        rate = self.rates[k]
+        return NavState(self.time, self.array[k], self.ecef, self.states[k], self.layout, rate[:3], rate[3:])
+
+
 @njit(cache=True)
 def describe_rows(nav, d, P, ecef, out):
     """Corrected navigation states as people read them, with standard deviations.

@@ -37,14 +37,23 @@ def split(carried: Array) -> tuple[Array, Array, Array, Array]:
     )
 
 
+@fused
 def room(d: int, n: int) -> int:
     """How many numbers :func:`take` leaves behind for d values and n states."""
     return d * (1 + 2 * d + 2 * n) + n
 
 
+TURN = 27
+"""Numbers behind those of :func:`room`, where an estimator left them, that say how its correction changed the errors that
+are left: the attitude error is multiplied by the first nine (3 x 3, by rows), and the next two nines, times the
+attitude error before, are added to the position and to the velocity error. Without them it is
+:func:`navfuse.core.rotation.left_jacobian` of the corrected attitude, and nothing.
+"""
+
+
 @fused
 def parts(numbers, d, n):
-    """What :func:`take` left behind, as views: z (d,), S (d, d), its inverse (d, d), H (d, n), K (n, d) and the
+    """What :func:`take` left behind, as views without TURN: z (d,), S (d, d), its inverse (d, d), H (d, n), K (n, d) and the
     correction (n,). No checks are made.
     """
     a = d + d * d

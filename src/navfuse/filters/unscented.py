@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from navfuse.aiding.base import AidingSensor, noise_covariance
 from navfuse.core.fused import fused
-from navfuse.core.rotation import dcm_from_rotvec, mat_vec
+from navfuse.core.rotation import cross, dcm_from_rotvec, mat_vec
 from navfuse.core.unscented import SigmaSpread, linear_update, regression, semidefinite_root, triangularize
-from navfuse.data.nav_state import NavState, correct_rates, sensor_offsets
+from navfuse.data.nav_state import NavStates, correct_rates, sensor_offsets
 from navfuse.errors import ConfigError, FilterError
-from navfuse.filters.event import parts, room
+from navfuse.filters.event import TURN, parts, room
 from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.settings import FilterSettings
 from navfuse.mechanization.sigma_points import (
@@ -27,6 +27,7 @@ from navfuse.mechanization.sigma_points import (
     draw_points,
     plain_columns,
     plain_rows,
+    relax,
     retract,
     settle,
     turned,
@@ -101,6 +102,17 @@ def commit(carried, rates, acc, offsets, ecef, numbers, d, A):
     u = down_axis(carried[:10], ecef)
     J = correction_turn(dx, u)
     E = dcm_from_rotvec(turned(dx, u))
+    turn = numbers[room(d, n) :]
+    for i in range(9):
+        turn[i] = J[i]
+    for part in range(0, 6, 3):
+        g = (gone[part], gone[part + 1], gone[part + 2])
+        h = mat_vec(E, g)
+        for k in range(3):
+            psi = (1.0 if k == 0 else 0.0, 1.0 if k == 1 else 0.0, 1.0 if k == 2 else 0.0)
+            u, v = cross(mat_vec(J, psi), h), cross(psi, g)
+            for i in range(3):
+                turn[9 + 3 * part + 3 * i + k] = u[i] - v[i]
     for c in range(A.shape[1]):
         A[6, c], A[7, c], A[8, c] = mat_vec(J, (A[6, c], A[7, c], A[8, c]))
     triangularize(A, A.shape[1], acc[ROOT : ROOT + n * n].reshape((n, n)))
@@ -200,23 +212,16 @@ class UnscentedFilter(NavigationFilter):
         X, rates = np.empty((2 * n + 1, n + 1)), np.empty((2 * n + 1, 6))
         gone = self._acc[GONE:BEGUN]
         states_at_points(self._carried, self._last, gone, root, mean, self._weights[0], self._offsets, ecef, X, rates)
-        predict, subtract, time = sensor.predict, sensor.subtract, self.time
-        values = [
-            predict(NavState(time, x[:10], ecef, x[10:], layout, rate[:3], rate[3:]), k)
-            for x, rate in zip(X, rates, strict=True)
-        ]
-        centre = values[0]
-        z0 = np.atleast_1d(np.asarray(subtract(sensor.value(k), centre), dtype=float))
-        delta = np.empty((2 * n, z0.size))
-        for row, value in zip(delta, values[1:], strict=True):
-            row[:] = subtract(value, centre)
+        points = NavStates(self.time, X[:, :10], ecef, X[:, 10:], layout, rates)
+        delta, z0 = sensor.predict_points(points, k)
         if not np.isfinite(delta).all():
-            self._refuse(sensor, k, values)
+            self._refuse(sensor, k, points)
         return delta, z0
 
-    def _refuse(self, sensor: AidingSensor, k: int, values: Sequence[Array]) -> None:
+    def _refuse(self, sensor: AidingSensor, k: int, points: NavStates) -> None:
         n = self.layout.size
-        bad = next(p for p, value in enumerate(values) if not np.isfinite(value).all())
+        values = [sensor.predict(points[p], k) for p in range(2 * n + 1)]
+        bad = next((p for p, value in enumerate(values) if not np.isfinite(value).all()), 0)
         where = (
             "at the estimate"
             if bad == 0
@@ -235,7 +240,7 @@ class UnscentedFilter(NavigationFilter):
             delta, z0 = self._predictions(sensor, k, before, root)
             d = z0.size
             if k_iteration == 0:
-                numbers, A, L = np.empty(room(d, n)), np.empty((n, 3 * n + 1 + d)), self._noise_root(sensor, k, d)
+                numbers, A, L = np.empty(room(d, n) + TURN), np.empty((n, 3 * n + 1 + d)), self._noise_root(sensor, k, d)
                 most = -1.0 if limit is None else limit(d)
             nis, share = update_at_points(
                 S, root, delta, z0, L, before, self._hold.direction, self._weights, numbers, A
@@ -277,7 +282,7 @@ class UnscentedFilter(NavigationFilter):
             self._settle()
             self._drop_correlations()
         elif float(np.max(np.diagonal(self.P)[6:9])) < NARROW**2:
-            self._settle()
+            relax(self._acc, np.empty(self.P.shape))
 
     def _uncorrelate(self) -> None:
         """Nothing before a measurement: points around the compass know what a heading does to it."""

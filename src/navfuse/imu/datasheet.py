@@ -7,8 +7,7 @@ The words of data sheets and what they stand for here:
   shows it. Sheets that print both figures tell which: the ADIS16405 has 2.0 deg/sqrt(h) and 0.05 deg/s/sqrt(Hz),
   a ratio of 1.5 to the two-sided reading, so one-sided.
 * *rms noise* within a bandwidth: ``N = sigma / sqrt(2 f_n)`` with the noise bandwidth f_n, pi/2 times the -3 dB
-bandwidth of a
-  first-order filter.
+  bandwidth of a first-order filter.
 * *in-run bias stability* or *instability*: the floor of the Allan deviation, 0.664 B.
 * *bias repeatability*: from one switch-on to the next.
 """
@@ -19,7 +18,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from navfuse.core.constants import STANDARD_GRAVITY
+from navfuse.core.constants import ALLAN_FLOOR, STANDARD_GRAVITY
 from navfuse.errors import ConfigError
 from navfuse.imu.error_model import ImuErrorModel
 from navfuse.io.unit_text import QUANTITIES, parse_quantity
@@ -28,15 +27,17 @@ _DEG = math.pi / 180.0
 _DPH = _DEG / 3600.0
 _UG = 1e-6 * STANDARD_GRAVITY
 
-FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
 PEAK = 0.6174
 """Largest Allan deviation of a Gauss-Markov process over its standard deviation, at 1.89 correlation times."""
 
-NOISE_BANDWIDTH = {1: math.pi / 2.0, 2: math.pi / (2.0 * math.sqrt(2.0)), 3: math.pi / 3.0, 4: 1.0262}
+NOISE_BANDWIDTH = {n: 0.5 * math.pi / n / math.sin(0.5 * math.pi / n) for n in (1, 2, 3, 4)}
 """Order of a Butterworth filter -> its noise bandwidth over its -3 dB bandwidth."""
 
 LARGEST = 1e6
 """No figure of a sensor is larger, in SI units: a million rad/s or m/s^2."""
+
+MOST_DIGITS = 17
+"""Digits that tell every two floats apart."""
 
 SENSORS = ("gyro", "accel")
 ENTRIES: dict[str, tuple[str, str]] = {
@@ -99,13 +100,18 @@ def from_sheet(figures: Mapping[str, str], reading: SheetReading | None = None) 
     Raises
     ------
     ConfigError
-        For an unknown entry or unit, a negative or absurdly large figure, or an rms noise without bandwidth.
+        For an unknown entry or unit, a negative or absurdly large figure, an rms noise without bandwidth, or a reading
+        of figures that are not there.
     """
     reading = reading or SheetReading()
     known = [f"{sensor}_{entry}" for sensor in SENSORS for entry in ENTRIES]
     for name in figures:
         if name not in known:
             raise ConfigError(f"unknown entry {name!r} of a data sheet; known: {', '.join(known)}")
+    if reading.bandwidth is not None and not any(_is_rms(figures, sensor, k) for k, sensor in enumerate(SENSORS)):
+        raise ConfigError("--bandwidth is for an rms noise, and none is given; leave it out")
+    if reading.coefficient and not any(f"{sensor}_bias" in figures for sensor in SENSORS):
+        raise ConfigError("--coefficient is for a bias instability, and none is given; leave it out")
     fields: dict[str, float] = {}
     formulas: list[str] = []
     for k, sensor in enumerate(SENSORS):
@@ -158,6 +164,12 @@ def _figure(name: str, text: str, *quantities: str) -> float:
     return measure.value
 
 
+def _is_rms(figures: Mapping[str, str], sensor: str, k: int) -> bool:
+    """Whether the noise of a sensor is an rms value."""
+    text, quantities = figures.get(f"{sensor}_noise"), (ENTRIES["noise"][k], ENTRIES["bias"][k])
+    return text is not None and parse_quantity(text, *quantities, what=f"--{sensor}-noise")[1] == quantities[1]
+
+
 def _noise(sensor: str, k: int, text: str, reading: SheetReading, formulas: list[str]) -> float:
     what = f"--{sensor}-noise"
     walk, rms = ENTRIES["noise"][k], ENTRIES["bias"][k]
@@ -181,8 +193,9 @@ def _noise(sensor: str, k: int, text: str, reading: SheetReading, formulas: list
             f"{sensor}: N = one-sided density / sqrt(2) = {text} / 1.414 = {_walk_text(sensor, value / math.sqrt(2.0))}"
         )
         return value / math.sqrt(2.0)
+    sides = "; per root of a time, so --one-sided changes nothing" if reading.one_sided else ""
     formulas.append(
-        f"{sensor}: N = {text} = {_walk_text(sensor, value)}; 1 per sqrt(Hz) = 1 per sqrt(1/s) = 60 per sqrt(h)"
+        f"{sensor}: N = {text} = {_walk_text(sensor, value)}; 1 per sqrt(Hz) = 1 per sqrt(1/s) = 60 per sqrt(h){sides}"
     )
     return value
 
@@ -191,7 +204,7 @@ def _bias(sensor: str, values: Mapping[str, float], reading: SheetReading, formu
     sd, walk, tau = 0.0, values.get("walk", 0.0), math.inf
     turn_on = values.get("turn_on", 0.0)
     if "bias" in values:
-        floor = values["bias"] * (FLOOR if reading.coefficient else 1.0)
+        floor = values["bias"] * (ALLAN_FLOOR if reading.coefficient else 1.0)
         if reading.coefficient:
             formulas.append(f"{sensor}: floor = 0.664 B = {_rate_text(sensor, floor)}")
         sd = floor / PEAK
@@ -226,7 +239,21 @@ def _bias(sensor: str, values: Mapping[str, float], reading: SheetReading, formu
     }
 
 
-def to_sheet(model: ImuErrorModel, bandwidth: float | None = None, order: int = 1) -> list[tuple[str, str, str]]:
+def check_digits(digits: int) -> int:
+    """A number of digits that a figure can have.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if not 1 <= digits <= MOST_DIGITS:
+        raise ConfigError(f"digits = {digits} must be 1 to {MOST_DIGITS}")
+    return digits
+
+
+def to_sheet(
+    model: ImuErrorModel, bandwidth: float | None = None, order: int = 1, digits: int = 5
+) -> list[tuple[str, str, str]]:
     """Figures of a data sheet from an error model.
 
     Parameters
@@ -236,6 +263,8 @@ def to_sheet(model: ImuErrorModel, bandwidth: float | None = None, order: int = 
         Adds the rms noise within this -3 dB bandwidth.
     order : int
         Of that filter.
+    digits : int
+        Of each figure, 1 to 17; with 17 the way back gives the same model.
 
     Returns
     -------
@@ -244,53 +273,54 @@ def to_sheet(model: ImuErrorModel, bandwidth: float | None = None, order: int = 
     Raises
     ------
     ConfigError
-        For a bandwidth or order out of range.
+        For a bandwidth, an order or a number of digits out of range.
     """
     SheetReading(bandwidth=bandwidth, order=order)
+    check_digits(digits)
     rows = []
     for sensor, noise in (("gyro", model.arw), ("accel", model.vrw)):
-        rows.append((f"{sensor} random walk N", _walk_text(sensor, noise), "N"))
+        rows.append((f"{sensor} random walk N", _walk_text(sensor, noise, digits), "N"))
         root = math.sqrt(2.0)
-        rows.append((f"{sensor} one-sided noise density", _density_text(sensor, root * noise), "sqrt(2) N"))
+        rows.append((f"{sensor} one-sided noise density", _density_text(sensor, root * noise, digits), "sqrt(2) N"))
         if bandwidth is not None:
             width = NOISE_BANDWIDTH[order] * bandwidth
             rows.append(
-                (f"{sensor} rms noise in {bandwidth:g} Hz", _rate_text(sensor, noise * math.sqrt(2.0 * width)),
+                (f"{sensor} rms noise in {bandwidth:g} Hz", _rate_text(sensor, noise * math.sqrt(2.0 * width), digits),
                  f"N sqrt(2 f_n), f_n = {width:.5g} Hz")
             )  # fmt: skip
         sd, walk = float(max(model.axes(f"{sensor}_bias_sd"))), float(max(model.axes(f"{sensor}_bias_walk")))
         tau = getattr(model, f"{sensor}_bias_tau")
-        rows.append((f"{sensor} bias, one sigma", _rate_text(sensor, sd), "bias_sd, largest axis"))
+        rows.append((f"{sensor} bias, one sigma", _rate_text(sensor, sd, digits), "bias_sd, largest axis"))
         if math.isfinite(tau):
             rows.append(
                 (
                     f"{sensor} in-run bias stability",
-                    _rate_text(sensor, PEAK * sd),
+                    _rate_text(sensor, PEAK * sd, digits),
                     f"0.617 sd, at 1.89 tau = {1.893 * tau:.4g} s",
                 )
             )
         elif walk > 0.0:
-            rows.append((f"{sensor} rate random walk K", _slope_text(sensor, walk), "bias_walk, largest axis"))
+            rows.append((f"{sensor} rate random walk K", _slope_text(sensor, walk, digits), "bias_walk, largest axis"))
     return rows
 
 
-def _walk_text(sensor: str, value: float) -> str:
+def _walk_text(sensor: str, value: float, digits: int = 5) -> str:
     if sensor == "gyro":
-        return f"{value * 60.0 / _DEG:.5g} deg/sqrt(h) = {value / _DEG:.5g} deg/s/sqrt(Hz)"
-    return f"{value * 60.0:.5g} m/s/sqrt(h) = {value / _UG:.5g} ug/sqrt(Hz)"
+        return f"{value * 60.0 / _DEG:.{digits}g} deg/sqrt(h) = {value / _DEG:.{digits}g} deg/s/sqrt(Hz)"
+    return f"{value * 60.0:.{digits}g} m/s/sqrt(h) = {value / _UG:.{digits}g} ug/sqrt(Hz)"
 
 
-def _density_text(sensor: str, value: float) -> str:
-    return f"{value / _DEG:.5g} deg/s/sqrt(Hz)" if sensor == "gyro" else f"{value / _UG:.5g} ug/sqrt(Hz)"
+def _density_text(sensor: str, value: float, digits: int = 5) -> str:
+    return f"{value / _DEG:.{digits}g} deg/s/sqrt(Hz)" if sensor == "gyro" else f"{value / _UG:.{digits}g} ug/sqrt(Hz)"
 
 
-def _rate_text(sensor: str, value: float) -> str:
+def _rate_text(sensor: str, value: float, digits: int = 5) -> str:
     if sensor == "gyro":
-        return f"{value / _DPH:.5g} deg/h = {value / _DEG:.5g} deg/s"
-    return f"{value / (1e3 * _UG):.5g} mg = {value:.5g} m/s^2"
+        return f"{value / _DPH:.{digits}g} deg/h = {value / _DEG:.{digits}g} deg/s"
+    return f"{value / (1e3 * _UG):.{digits}g} mg = {value:.{digits}g} m/s^2"
 
 
-def _slope_text(sensor: str, value: float) -> str:
+def _slope_text(sensor: str, value: float, digits: int = 5) -> str:
     if sensor == "gyro":
-        return f"{value * 60.0 / _DPH:.5g} deg/h/sqrt(h) = {value / _DEG:.5g} deg/s/sqrt(s)"
-    return f"{value * 60.0 / (1e3 * _UG):.5g} mg/sqrt(h) = {value / _UG:.5g} ug/sqrt(s)"
+        return f"{value * 60.0 / _DPH:.{digits}g} deg/h/sqrt(h) = {value / _DEG:.{digits}g} deg/s/sqrt(s)"
+    return f"{value * 60.0 / (1e3 * _UG):.{digits}g} mg/sqrt(h) = {value / _UG:.{digits}g} ug/sqrt(s)"

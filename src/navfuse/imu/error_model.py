@@ -13,7 +13,6 @@ bias, a random walk of density ``walk``. Cross-coupling never changes during a r
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -21,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navfuse.core.constants import STANDARD_GRAVITY
+from navfuse.core.nearest import nearest
 from navfuse.core.printed_keys import naming_keys, numbers, shown
 from navfuse.errors import ConfigError
 
@@ -246,5 +246,5 @@ def _checked_size(name: str, value: ArrayLike, axes: bool) -> float | Array:
 
 
 def _nearest(name: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-    return f": did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"
+    close = nearest(name, known)
+    return f": did you mean {close!r}?" if close else f"; known: {', '.join(known)}"

@@ -35,11 +35,11 @@ ring-laser          ring-laser unit as in ``psins``
 
 from __future__ import annotations
 
-import difflib
 import math
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from navfuse.core.nearest import nearest
 from navfuse.errors import ConfigError
 from navfuse.imu.error_model import ImuErrorModel
 
@@ -277,7 +277,7 @@ def grade(name: str) -> ImuErrorModel:
         For an unknown name; the message names the nearest and lists all.
     """
     if name not in GRADES:
-        close = difflib.get_close_matches(name.lower(), GRADES, n=1, cutoff=0.4)
-        hint = f"did you mean {close[0]!r}? " if close else ""
+        close = nearest(name.lower(), GRADES)
+        hint = f"did you mean {close!r}? " if close else ""
         raise ConfigError(f"unknown IMU grade {name!r}: {hint}known: {', '.join(GRADES)}")
     return GRADES[name]

@@ -16,11 +16,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from navfuse.core.constants import STANDARD_GRAVITY
 from navfuse.errors import InputError
 
 Array = np.ndarray
 
-_G = 9.80665
+_G = STANDARD_GRAVITY
 _GYRO_LIMIT = 35.0
 _GYRO_FAST = 8.0
 _SUSPECT = 0.5
@@ -190,7 +191,7 @@ def _check_accel(
             " dtheta_x_rad ..."
         )
     if 0.5 <= force_rate <= 2.0:
-        remedy = f"rename to {base}_x_g ..." if kind == "rates" else "multiply the columns by 9.80665"
+        remedy = f"rename to {base}_x_g ..." if kind == "rates" else f"multiply the columns by {STANDARD_GRAVITY}"
         if kind == "rates" and 0.7 < force / (_G * step) < 1.4:
             remedy += f" (or, at {step:.3g} s between rows, velocity increments: rename to dvel_x_mps ...)"
         raise InputError(f"{fault}; these look like values in g: {remedy}")

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from navfuse.core.nearest import nearest
 from navfuse.errors import InputError, OutputError
 from navfuse.io.arrow import arrow_table, numbers, words
 from navfuse.io.atomic import atomic_file
@@ -216,7 +217,5 @@ def _damaged(source: str, error: Exception) -> InputError:
 def _nearby(path: Path) -> str:
     if not path.parent.is_dir():
         return f" (nor a folder '{path.parent}')"
-    from difflib import get_close_matches
-
-    alike = get_close_matches(path.name, [entry.name for entry in path.parent.iterdir()], n=1)
-    return f"; is '{alike[0]}' meant?" if alike else ""
+    alike = nearest(path.name, [entry.name for entry in path.parent.iterdir()], 0.6)
+    return f"; is '{alike}' meant?" if alike else ""

@@ -10,12 +10,12 @@ from math import pi
 
 import numpy as np
 
+from navfuse.core.constants import STANDARD_GRAVITY
 from navfuse.errors import InputError
 
 _DEG = pi / 180.0
 _FOOT = 0.3048
 _NAUTICAL_MILE = 1852.0
-_STANDARD_GRAVITY = 9.80665
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
@@ -32,9 +32,9 @@ UNITS: dict[str, dict[str, float]] = {
     "acceleration": {
         "mps2": 1.0,
         "cmps2": 1e-2,
-        "g": _STANDARD_GRAVITY,
-        "mg": 1e-3 * _STANDARD_GRAVITY,
-        "ug": 1e-6 * _STANDARD_GRAVITY,
+        "g": STANDARD_GRAVITY,
+        "mg": 1e-3 * STANDARD_GRAVITY,
+        "ug": 1e-6 * STANDARD_GRAVITY,
         "gal": 1e-2,
         "mgal": 1e-5,
         "ftps2": _FOOT,

@@ -49,7 +49,7 @@ from navfuse.core.rotation import (
     quat_normalize,
     rotvec_from_quat,
 )
-from navfuse.core.unscented import SigmaSpread, regress, root_of_points
+from navfuse.core.unscented import SigmaSpread, regress, root_of_points, triangularize
 from navfuse.data.nav_state import boxminus_navigation, boxplus_navigation
 from navfuse.mechanization.ecef import step_ecef
 from navfuse.mechanization.error_dynamics import ACC_TIME, ACCEL, BIAS, GYRO, PAIR, corrections, imu_places
@@ -65,7 +65,7 @@ the root of the covariance, and the points.
 """
 
 SMALL_TURN, SMALL_TILT = 0.3, 0.02
-"""Angles [rad] up to which a series stands for the product of two rotations: off by less than 1e-6 of the tilt."""
+"""Heading and tilt [rad] up to which a series stands for the product of two rotations: off by 4e-8 rad at most."""
 
 MEAN_PASSES = 8
 MEAN_ANGLE, MEAN_POSITION = 1e-10, 1e-6
@@ -96,11 +96,12 @@ def turned(d, u):
     t = (d[6] - y * u[0], d[7] - y * u[1], d[8] - y * u[2])
     if abs(y) < SMALL_TURN and max(abs(t[0]), abs(t[1]), abs(t[2])) < SMALL_TILT:
         c = cross(u, t)
-        k = 1.0 - y * y / 12.0
+        k = 1.0 - y * y / 12.0 * (1.0 + y * y / 60.0)
+        z = y * (1.0 - (t[0] * t[0] + t[1] * t[1] + t[2] * t[2]) / 12.0)
         return (
-            y * u[0] + k * t[0] + 0.5 * y * c[0],
-            y * u[1] + k * t[1] + 0.5 * y * c[1],
-            y * u[2] + k * t[2] + 0.5 * y * c[2],
+            z * u[0] + k * t[0] + 0.5 * y * c[0],
+            z * u[1] + k * t[1] + 0.5 * y * c[1],
+            z * u[2] + k * t[2] + 0.5 * y * c[2],
         )
     return rotvec_from_quat(quat_multiply(quat_from_rotvec((y * u[0], y * u[1], y * u[2])), quat_from_rotvec(t)))
 
@@ -112,7 +113,8 @@ def untwist(d, u):
     p = (d[6] - y * u[0], d[7] - y * u[1], d[8] - y * u[2])
     if abs(y) < SMALL_TURN and max(abs(p[0]), abs(p[1]), abs(p[2])) < SMALL_TILT:
         c = cross(u, p)
-        a, b = 1.0 - y * y / 12.0, 0.5 * y
+        y *= 1.0 + (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) / (12.0 + y * y)
+        a, b = 1.0 - y * y / 12.0 * (1.0 + y * y / 60.0), 0.5 * y
         k = 1.0 / (a * a + b * b)
         for i in range(3):
             d[6 + i] = y * u[i] + k * (a * p[i] - b * c[i])
@@ -151,10 +153,22 @@ def retract(nav, gone, d, ecef):
 
 @fused
 def correction_turn(dx, u):
-    """How a correction dx (9+,) turns the attitude error that is left: exp(dy u) J(dt), J the left Jacobian; 9-tuple."""
+    """How a correction dx (9+,) turns the attitude error that is left, a 9-tuple.
+
+    With dx = dt + dy u and e = et + ey u left, ``exp((dy + ey) u) exp(dt + et) = exp(ey u) exp(exp(dy u) J et) exp(dy
+    u) exp(dt)``, J the left Jacobian of dt: to first order in et, and for a heading ey of any size, which stays what it
+    is.
+    """
     y = dx[6] * u[0] + dx[7] * u[1] + dx[8] * u[2]
     t = (dx[6] - y * u[0], dx[7] - y * u[1], dx[8] - y * u[2])
-    return mat_mul(dcm_from_rotvec((y * u[0], y * u[1], y * u[2])), left_jacobian(t))
+    M = mat_mul(dcm_from_rotvec((y * u[0], y * u[1], y * u[2])), left_jacobian(t))
+    m = mat_vec(M, u)
+    a, b, c = u[0] - m[0], u[1] - m[1], u[2] - m[2]
+    return (
+        M[0] + a * u[0], M[1] + a * u[1], M[2] + a * u[2],
+        M[3] + b * u[0], M[4] + b * u[1], M[5] + b * u[2],
+        M[6] + c * u[0], M[7] + c * u[1], M[8] + c * u[2],
+    )  # fmt: skip
 
 
 @fused
@@ -388,6 +402,22 @@ def covariance_of_root(acc, P):
             for k in range(max(9, i + 1)):
                 v += T[i, k] * T[c, k]
             P[i, c] = v
+
+
+@fused
+def relax(acc, A):
+    """Begin to integrate anew, Dw = Du = 0, where plain errors are as good: the covariance that is put out stays what it
+    is. A is a (n, n) work space. No checks are made.
+    """
+    n = A.shape[0]
+    S = acc[ROOT : ROOT + n * n].reshape((n, n))
+    for i in range(n):
+        for j in range(n):
+            A[i, j] = S[i, j]
+    plain_rows(acc[GONE:BEGUN], A)
+    triangularize(A, n, S)
+    for i in range(GONE, BEGUN):
+        acc[i] = 0.0
 
 
 @fused

@@ -6,7 +6,6 @@ A recipe is any picklable callable ``seed -> Case``. :class:`SimulatedRecipe` is
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ import numpy as np
 
 from navfuse.aiding.base import AidingSensor
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
+from navfuse.core.nearest import nearest
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.start import Start
 from navfuse.data.trajectory import Trajectory
@@ -225,8 +225,8 @@ MOTIONS: Mapping[str, Callable[[float], Motion]] = MappingProxyType(
 
 
 def _nearest(name: str) -> str:
-    close = difflib.get_close_matches(name.lower(), MOTIONS, n=1, cutoff=0.4)
-    return (f": did you mean {close[0]!r}?" if close else ":") + f" known: {', '.join(MOTIONS)}"
+    close = nearest(name.lower(), MOTIONS)
+    return (f": did you mean {close!r}?" if close else ":") + f" known: {', '.join(MOTIONS)}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

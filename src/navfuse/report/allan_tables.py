@@ -11,7 +11,8 @@ from navfuse.analysis.allan.identify import Identification
 from navfuse.analysis.allan.spectra import Autocorrelation
 from navfuse.analysis.allan.study import AllanStudy, AxisStudy
 from navfuse.analysis.allan.terms import FLOOR, NAMES, Term
-from navfuse.report.allan_units import RATE_UNITS, TERM_UNITS, significant, with_sigma
+from navfuse.report.allan_figures import ALLAN_KINDS, duration
+from navfuse.report.allan_units import RATE_UNITS, TERM_UNITS, amount, significant, with_sigma
 
 FLOOR_NOTE = (
     "B is the coefficient of IEEE Std 952; the flat part of the Allan deviation, which makers print, is 0.664 B"
@@ -74,7 +75,7 @@ def axis_dict(axis: AxisStudy) -> dict[str, Any]:
                 "edf": curve.edf,
                 "alpha": curve.alpha,
                 "count": curve.count,
-                f"model_{unit}": np.sqrt(found.allan_variance(curve.tau)) / factor,
+                **({f"model_{unit}": np.sqrt(found.allan_variance(curve.tau)) / factor} if kind in ALLAN_KINDS else {}),
             }
             for kind, curve in axis.curves.items()
         },
@@ -171,21 +172,38 @@ def _remark(term: Term, sensor: str) -> str:
     return ""
 
 
+def axis_rows(study: AllanStudy) -> list[tuple[str, str, str, str, str]]:
+    """Rows of axis, mean, standard deviation and resolution with their units, and how well the model fits."""
+    return [
+        (
+            axis.name,
+            amount(axis.mean, axis.sensor),
+            amount(axis.sd, axis.sensor),
+            amount(axis.check.step, axis.sensor, 3) if axis.check.step else "",
+            _fit_words(axis.identification),
+        )
+        for axis in study.axes
+    ]
+
+
 def summary_lines(study: AllanStudy) -> list[str]:
     """What the record is, and how well the model fits each axis."""
     begin, end = study.rest.begin / study.rate, study.rest.end / study.rate
     lines = [
         f"{study.source}: {study.kind}, {study.rate:.6g} Hz, at rest from {begin:.6g} to {end:.6g} s "
-        f"({study.span / 3600.0:.3g} h)"
+        f"({duration(study.span)})"
     ]
-    for axis in study.axes:
-        name, _, factor = RATE_UNITS[axis.sensor]
-        step_of = f", step {significant(axis.check.step / factor, 3)}" if axis.check.step else ""
-        lines.append(
-            f"{axis.name}: mean {significant(axis.mean / factor)} {name}, standard deviation "
-            f"{significant(axis.sd / factor)} {name}{step_of}; the model {_fit_words(axis.identification)}"
-        )
+    for name, mean, sd, step, fit in axis_rows(study):
+        resolution = f", resolution {step}" if step else ""
+        lines.append(f"{name}: mean {mean}, standard deviation {sd}{resolution}; the model {fit}")
     return lines
+
+
+def notices(study: AllanStudy, source: str = "") -> list[str]:
+    """The warnings of a study under another name of the record, or none where its name stands above them."""
+    given = f"{study.source}: "
+    shown = f"{source}: " if source else ""
+    return [shown + text.removeprefix(given) for text in study.warnings]
 
 
 def _fit_words(found: Identification) -> str:

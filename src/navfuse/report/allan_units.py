@@ -13,6 +13,12 @@ _UG = 1e-6 * STANDARD_GRAVITY
 RATE_UNITS = {"gyro": ("deg/h", "dph", _DPH), "accel": ("ug", "ug", _UG)}
 """Sensor -> unit of its deviation for people, in key names, and in SI."""
 
+_AMOUNTS = {
+    "gyro": (("deg/h", _DPH, 100.0 * _DPH), ("deg/s", _DEG, math.inf)),
+    "accel": (("ug", _UG, 1e3 * _UG), ("mg", 1e3 * _UG, 100e3 * _UG), ("g", STANDARD_GRAVITY, math.inf)),
+}
+"""Sensor -> unit for people, its size, and up to where it reads well."""
+
 TERM_UNITS: dict[str, dict[str, tuple[tuple[str, str, float], ...]]] = {
     "gyro": {
         "Q": (("arcsec", "arcsec", _DPH), ("urad", "urad", 1e-6)),
@@ -44,6 +50,12 @@ def significant(value: float, digits: int = 4) -> str:
         return f"{value:.{digits - 1}e}"
     places = digits - 1 - (math.floor(math.log10(abs(value))) if value else 0)
     return f"{value:.{max(0, places)}f}"
+
+
+def amount(value: float, sensor: str, digits: int = 4) -> str:
+    """A rate or acceleration in SI units with the unit that suits its size."""
+    unit, factor, _ = next(entry for entry in _AMOUNTS[sensor] if not abs(value) >= entry[2])
+    return f"{significant(value / factor, digits)} {unit}"
 
 
 def with_sigma(value: float, sigma: float) -> str:

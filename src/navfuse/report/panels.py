@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from navfuse.analysis.metrics import ErrorSeries
+from navfuse.core.constants import STANDARD_GRAVITY
 from navfuse.data.result import Innovations, Result
 from navfuse.data.trajectory import Trajectory
 from navfuse.report.series import (
@@ -44,7 +45,7 @@ AXES = {
 UNITS = {"position": ("m", 1.0), "velocity": ("m/s", 1.0), "attitude": ("deg", 180.0 / np.pi)}
 STATE_UNITS = {
     "gyro_bias": ("deg/h", 180.0 / np.pi * 3600.0),
-    "accel_bias": ("mg", 1e3 / 9.80665),
+    "accel_bias": ("mg", 1e3 / STANDARD_GRAVITY),
     "gyro_scale": ("ppm", 1e6),
     "accel_scale": ("ppm", 1e6),
     "gyro_cross": ("mrad", 1e3),

@@ -21,7 +21,7 @@ from navfuse.core.earth import ecef_to_geodetic_batch
 from navfuse.core.printed_keys import shown
 from navfuse.data.aiding_logs import BarometerLog
 from navfuse.errors import ConfigError, InputError
-from navfuse.simulation.datasheet import any_number, one_number, tau, three_numbers
+from navfuse.simulation.printed_fields import any_number, one_number, tau, three_numbers
 from navfuse.simulation.sampled_sensor import (
     SAMPLING_UNITS,
     SampledSensor,

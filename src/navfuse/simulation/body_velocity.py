@@ -13,7 +13,7 @@ from navfuse.core.printed_keys import shown
 from navfuse.core.rotation import dcm_from_rotvec
 from navfuse.data.aiding_logs import BodyVelocityLog
 from navfuse.errors import ConfigError, InputError
-from navfuse.simulation.datasheet import (
+from navfuse.simulation.printed_fields import (
     any_number,
     one_number,
     one_or_several,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from navfuse.core.printed_keys import shown
 from navfuse.errors import ConfigError
-from navfuse.simulation.datasheet import one_number
+from navfuse.simulation.printed_fields import one_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -12,7 +12,7 @@ import numpy as np
 from navfuse.core.printed_keys import naming_keys
 from navfuse.errors import ConfigError
 from navfuse.simulation.bounds import sampling_rate
-from navfuse.simulation.datasheet import (
+from navfuse.simulation.printed_fields import (
     one_number,
     tables,
     things,

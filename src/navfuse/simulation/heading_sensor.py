@@ -11,7 +11,7 @@ import numpy as np
 from navfuse.core.constants import TWO_PI
 from navfuse.data.aiding_logs import HeadingLog
 from navfuse.data.trajectory import wrapped
-from navfuse.simulation.datasheet import any_number, one_number, tau
+from navfuse.simulation.printed_fields import any_number, one_number, tau
 from navfuse.simulation.sampled_sensor import (
     SAMPLING_UNITS,
     SampledSensor,

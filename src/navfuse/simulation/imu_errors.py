@@ -14,20 +14,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from navfuse.core.constants import STANDARD_GRAVITY
+from navfuse.core.constants import ALLAN_FLOOR, STANDARD_GRAVITY
 from navfuse.core.printed_keys import naming_keys, shown
 from navfuse.errors import ConfigError
 from navfuse.imu.error_model import DATASHEET_UNITS, ImuErrorModel
 from navfuse.imu.grades import grade
-from navfuse.simulation.datasheet import frozen, numbers, one_number, three_sizes, to_fields, unknown_key
+from navfuse.simulation.printed_fields import frozen, numbers, one_number, three_sizes, to_fields, unknown_key
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 Array = np.ndarray
-
-ALLAN_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
-"""Allan deviation of flicker noise over its bias instability coefficient, 0.664 (IEEE Std 952-1997, annex C)."""
 
 _DEG = math.pi / 180.0
 _DPH = _DEG / 3600.0

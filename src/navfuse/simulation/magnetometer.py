@@ -12,7 +12,7 @@ from navfuse.core.rotation import dcm_from_quat_batch
 from navfuse.data.aiding_logs import MagnetometerLog
 from navfuse.errors import ConfigError
 from navfuse.io.earth_magnetism import magnetic_field_along
-from navfuse.simulation.datasheet import (
+from navfuse.simulation.printed_fields import (
     any_number,
     frozen,
     numbers,

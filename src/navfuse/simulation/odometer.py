@@ -11,7 +11,7 @@ import numpy as np
 
 from navfuse.data.aiding_logs import OdometerLog
 from navfuse.errors import ConfigError
-from navfuse.simulation.datasheet import (
+from navfuse.simulation.printed_fields import (
     any_number,
     numbers,
     one_number,

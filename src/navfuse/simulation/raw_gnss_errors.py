@@ -16,7 +16,7 @@ from navfuse.errors import ConfigError
 from navfuse.gnss.almanac import read_almanac
 from navfuse.gnss.orbits import Constellation, gps_constellation, workshop_constellation
 from navfuse.simulation.bounds import sampling_rate
-from navfuse.simulation.datasheet import one_number, tables, things, to_fields, windows
+from navfuse.simulation.printed_fields import one_number, tables, things, to_fields, windows
 from navfuse.simulation.sky import SatelliteOutage, SkySector, outage_of, sector_of
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from navfuse.core.printed_keys import naming_keys
 from navfuse.core.rotation import dcm_from_quat_batch
 from navfuse.errors import ConfigError, InputError
 from navfuse.simulation.bounds import require_rows, sampling_rate
-from navfuse.simulation.datasheet import any_number, one_number, to_fields, unknown_key
 from navfuse.simulation.perfect_imu import sample_times
+from navfuse.simulation.printed_fields import any_number, one_number, to_fields, unknown_key
 from navfuse.simulation.sensors import gauss_markov
 
 if TYPE_CHECKING:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from navfuse.core.nearest import nearest as nearest_word
 from navfuse.core.printed_keys import LARGEST, shown
 from navfuse.errors import ConfigError
 
@@ -121,8 +121,8 @@ class ScenarioTable:
 
 def nearest(word: object, known: Iterable[str]) -> str:
     """The known word most like another, as the end of a sentence; nothing if there is none."""
-    close = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.5)
-    return f"; did you mean {close[0]}?" if close else ""
+    close = nearest_word(word, known, 0.5)
+    return f"; did you mean {close}?" if close else ""
 
 
 def _bound(value: object) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from navfuse.core.constants import TWO_PI
 from navfuse.core.printed_keys import naming_keys, shown
 from navfuse.errors import ConfigError
-from navfuse.simulation.datasheet import one_number, to_fields, unknown_key, windows
+from navfuse.simulation.printed_fields import one_number, to_fields, unknown_key, windows
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -15,7 +15,7 @@ from navfuse.core.earth import geodetic_to_ecef_batch
 from navfuse.core.printed_keys import shown
 from navfuse.data.aiding_logs import UwbAnchors, UwbLog
 from navfuse.errors import ConfigError, InputError
-from navfuse.simulation.datasheet import any_number, one_number, one_or_several, three_numbers, unknown_key
+from navfuse.simulation.printed_fields import any_number, one_number, one_or_several, three_numbers, unknown_key
 from navfuse.simulation.sampled_sensor import (
     SAMPLING_UNITS,
     SampledSensor,

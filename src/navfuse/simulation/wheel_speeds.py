@@ -14,7 +14,7 @@ import numpy as np
 from navfuse.core.printed_keys import shown
 from navfuse.data.aiding_logs import WheelSpeedLog
 from navfuse.errors import ConfigError
-from navfuse.simulation.datasheet import any_number, one_number, one_or_several, unknown_key, yes_or_no
+from navfuse.simulation.printed_fields import any_number, one_number, one_or_several, unknown_key, yes_or_no
 from navfuse.simulation.sampled_sensor import (
     SAMPLING_UNITS,
     SampledSensor,

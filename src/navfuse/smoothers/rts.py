@@ -29,7 +29,7 @@ from navfuse.core.rotation import left_jacobian, mat_t_vec
 from navfuse.data.nav_state import describe_rows
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
-from navfuse.filters.event import parts, split
+from navfuse.filters.event import TURN, parts, room, split
 from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.record import Checkpoint, trajectory_from_rows
 from navfuse.imu.increments import ImuIncrements
@@ -144,12 +144,19 @@ def _back_across_update(numbers, d, turned, lam, Lam, work):
     n = lam.size
     z, _, Sinv, H, K, dx = parts(numbers, d, n)
     if turned:
-        J = left_jacobian((dx[6], dx[7], dx[8]))
-        lam[6], lam[7], lam[8] = mat_t_vec(J, (lam[6], lam[7], lam[8]))
-        for i in range(n):
-            Lam[i, 6], Lam[i, 7], Lam[i, 8] = mat_t_vec(J, (Lam[i, 6], Lam[i, 7], Lam[i, 8]))
-        for i in range(n):
-            Lam[6, i], Lam[7, i], Lam[8, i] = mat_t_vec(J, (Lam[6, i], Lam[7, i], Lam[8, i]))
+        for row in range(-1, 2 * n):
+            v = lam if row < 0 else (Lam[row] if row < n else Lam[:, row - n])
+            if numbers.size < room(d, n) + TURN:
+                v[6], v[7], v[8] = mat_t_vec(left_jacobian((dx[6], dx[7], dx[8])), (v[6], v[7], v[8]))
+                continue
+            turn = numbers[room(d, n) :]
+            a, b, c = 0.0, 0.0, 0.0
+            for i in range(3):
+                p, q, r = v[6 + i], v[i], v[3 + i]
+                a += turn[3 * i] * p + turn[9 + 3 * i] * q + turn[18 + 3 * i] * r
+                b += turn[3 * i + 1] * p + turn[10 + 3 * i] * q + turn[19 + 3 * i] * r
+                c += turn[3 * i + 2] * p + turn[11 + 3 * i] * q + turn[20 + 3 * i] * r
+            v[6], v[7], v[8] = a, b, c
     for e in range(d):
         v = 0.0
         for i in range(n):

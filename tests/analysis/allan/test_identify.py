@@ -29,7 +29,7 @@ def test_quantisation_white_noise_and_walk_are_exactly_diagonal():
     inner[np.arange(1, n), np.arange(n - 1)] = -1.0 / dt
     summed = np.tril(np.ones((n, n)), -1)
     covariance = q**2 * inner @ inner.T + noise**2 / dt * np.eye(n) + walk**2 * dt * summed @ summed.T
-    transform = dct(np.eye(n), type=2, norm="ortho", axis=0)[1:]
+    transform = np.asarray(dct(np.eye(n), type=2, norm="ortho", axis=0))[1:]
     found = transform @ covariance @ transform.T * dt
     f = np.arange(1, n) / (2.0 * n * dt)
     bias = flicker(n * dt)
@@ -44,7 +44,7 @@ def test_quantisation_white_noise_and_walk_are_exactly_diagonal():
 def test_gauss_markov_processes_are_diagonal_but_for_the_ends(correlation):
     n, dt = 600, 0.05
     lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n))) * dt
-    transform = dct(np.eye(n), type=2, norm="ortho", axis=0)[1:]
+    transform = np.asarray(dct(np.eye(n), type=2, norm="ortho", axis=0))[1:]
     found = transform @ np.exp(-lag / correlation) @ transform.T * dt
     f = np.arange(1, n) / (2.0 * n * dt)
     assert np.diag(found)[:200] == pytest.approx(gauss_markov_density(f, dt, n * dt, correlation)[:200], rel=0.02)
@@ -64,9 +64,9 @@ def test_allan_variances_are_those_of_the_densities():
             float(gauss_markov_allan(np.array([tau]), correlation)[0]), rel=2e-3
         )
         walk = np.trapezoid(window / (2.0 * math.pi * f) ** 2, f)
-        assert walk == pytest.approx(float(allan_variance("K", tau, {"K": 1.0})), rel=2e-3)
+        assert walk == pytest.approx(float(allan_variance("K", np.array(tau), {"K": 1.0})), rel=2e-3)
         flat = np.trapezoid(window / (2.0 * math.pi * f), f)
-        assert flat == pytest.approx(float(allan_variance("B", tau, {"B": 1.0})), rel=2e-3)
+        assert flat == pytest.approx(float(allan_variance("B", np.array(tau), {"B": 1.0})), rel=2e-3)
 
 
 def test_the_series_of_the_gauss_markov_process_joins_its_formula():
@@ -189,7 +189,8 @@ def test_a_line_or_the_edge_of_a_filter_does_not_spoil_the_rest():
     from scipy.signal import butter, lfilter
 
     values = record(200_000, 13, noise=0.5, walk=0.1)
-    values = lfilter(*butter(2, 0.5), values)
+    numerator, denominator = np.asarray(butter(2, 0.5))
+    values = np.asarray(lfilter(numerator, denominator, values))
     values += 0.5 * np.sin(2.0 * math.pi * 5.0 * np.arange(values.size) / RATE)
     found = identify(values, RATE)
     assert found.misfit > 0.0 or found.left_out > 0.0
@@ -202,7 +203,8 @@ def test_what_the_deviation_does_not_hold_is_not_reported():
     from scipy.signal import butter, sosfilt
 
     rng = np.random.default_rng(14)
-    values = sosfilt(butter(2, (1.0, 4.0), "bandpass", fs=RATE, output="sos"), rng.standard_normal(100_000))
+    shaping = butter(2, (1.0, 4.0), "bandpass", fs=RATE, output="sos")
+    values = np.asarray(sosfilt(shaping, rng.standard_normal(100_000)))
     found = identify(values, RATE)
     for term in found.terms:
         if term.present:
@@ -216,7 +218,10 @@ def test_what_the_deviation_does_not_hold_is_not_reported():
     [
         (np.ones(5000), "constant: a channel without any noise"),
         (np.arange(100.0), "100 samples is too short to identify noise: at least 1000"),
-        (np.where(np.arange(5000) == 7, np.nan, np.arange(5000.0)), "not finite"),
+        (np.where(np.arange(5000) == 7, np.inf, np.arange(5000.0)), "values that are infinite"),
+        (np.where(np.arange(5000) % 4 == 0, np.nan, np.arange(5000.0)), "a record of 3 samples is too short"),
+        (np.full(5000, np.nan), "a record of 0 samples is too short"),
+        (np.ones((5000, 2)), "one axis at a time"),
     ],
 )
 def test_records_that_tell_nothing(values, message):
@@ -279,3 +284,42 @@ def test_simulated_sensors_of_two_grades():
         assert abs(np.nanmedian(values) - 1.0) < {"N": 0.02, "B": 0.15, "K": 0.20}[name]
     assert abs(covered - 0.683 * 90) < 3.0 * math.sqrt(90 * 0.683 * 0.317)
     assert spurious <= 5
+
+
+def test_the_sums_of_the_spectrum_against_arrays_of_the_whole_length():
+    rng = np.random.default_rng(20)
+    for n in (1000, 4097, 60_000):
+        dt, values = 0.02, np.cumsum(rng.standard_normal(n)) + rng.standard_normal(n)
+        found = cosine_spectrum(values, dt)
+        k = np.arange(1, n)
+        c = math.sqrt(dt) * np.asarray(dct(values - values.mean(), type=2, norm="ortho"))[1:]
+        edge = np.concatenate([[0], np.cumsum(found.dof)[:-1]]).astype(int)
+        half = 0.5 * math.pi * k / n
+        first = math.sqrt(2.0 / n * dt) * np.cos(half)
+        odd = k % 2 == 1
+        ramp = np.where(odd, -math.sqrt(2.0 / n * dt) * dt * np.cos(half) / (2.0 * np.sin(half) ** 2), 0.0)
+        columns = (first, np.where(odd, -first, first), ramp)
+        assert found.power == pytest.approx(np.add.reduceat(c * c, edge), rel=1e-12)
+        assert found.frequency == pytest.approx(
+            np.exp(np.add.reduceat(np.log(k), edge) / found.dof) / (2 * n * dt), rel=1e-12
+        )
+        for i, x in enumerate(columns):
+            scale = np.sqrt(np.add.reduceat(x * x, edge))
+            room = 1e-12 * scale * np.sqrt(found.power) + 1e-300
+            assert np.all(np.abs(found.design[i] - np.add.reduceat(x * c, edge)) <= room)
+            for j, y in enumerate(columns):
+                room = 1e-12 * scale * np.sqrt(np.add.reduceat(y * y, edge)) + 1e-300
+                assert np.all(np.abs(found.gram[i, j] - np.add.reduceat(x * y, edge)) <= room)
+
+
+def test_memory_of_an_identification():
+    """Two vectors of the length of the record beside it: the transform, and the phase."""
+    import tracemalloc
+
+    values = record(1_000_000, 21, noise=0.5)
+    identify(values[:5000], RATE)
+    tracemalloc.start()
+    identify(values, RATE)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2.0 * values.nbytes

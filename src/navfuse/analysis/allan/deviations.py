@@ -12,9 +12,12 @@ from typing import Literal
 
 import numpy as np
 
-from navfuse.analysis.allan.confidence import ONE_SIGMA, ORDER, degrees_of_freedom, interval, noise_exponents
+from navfuse.analysis.allan.confidence import ONE_SIGMA, ORDER, degrees_of_freedom, interval, pooled, total_bias
+from navfuse.analysis.allan.few import FEWEST, quantiles, weights
 from navfuse.analysis.allan.grids import averaging_factors
-from navfuse.analysis.allan.kernels import ALLAN, HADAMARD, MODIFIED, TOTAL, integrate, sum_squares
+from navfuse.analysis.allan.kernels import ALLAN, HADAMARD, MODIFIED, TOTAL, difference_counts, sum_squares
+from navfuse.analysis.allan.noise_types import LEAST_ALPHA, NoiseTypes, noise_exponents
+from navfuse.analysis.allan.phase import Phases, phase_stretches
 from navfuse.errors import ConfigError, InputError
 
 Array = np.ndarray
@@ -47,7 +50,7 @@ class DeviationCurve:
     deviation : (t,) array
         In the unit of the rate.
     low, high : (t,) arrays
-        Limits of the confidence interval; NaN where there are no intervals.
+        Limits of the confidence interval of the true deviation.
     edf : (t,) array
         Equivalent degrees of freedom.
     alpha : (t,) int array
@@ -56,6 +59,9 @@ class DeviationCurve:
         Differences that were averaged.
     level : float
         Probability of the interval.
+    bias : (t,) array
+        What the squared deviation is expected to be, over the true one: 1 but for total deviations, which are low at
+        long averaging times. `deviation` is as defined, without a correction; `low` and `high` are for the true one.
     """
 
     kind: str
@@ -68,6 +74,7 @@ class DeviationCurve:
     alpha: Array
     count: Array
     level: float
+    bias: Array
 
 
 def deviation(
@@ -78,7 +85,7 @@ def deviation(
     data: Literal["rates", "increments", "phase"] = "rates",
     grid: str | int | Array = "octave",
     gaps: Literal["split", "refuse"] = "split",
-    alpha: int | Literal["auto"] = "auto",
+    alpha: int | NoiseTypes | Literal["auto"] = "auto",
     level: float = ONE_SIGMA,
     longest_s: float | None = None,
 ) -> DeviationCurve:
@@ -99,8 +106,10 @@ def deviation(
         See :func:`~navfuse.analysis.allan.grids.averaging_factors`; or averaging factors themselves.
     gaps : {"split", "refuse"}
         What to do about NaN: average over the stretches between, or raise.
-    alpha : int or "auto"
-        Noise type for the degrees of freedom; "auto": found at each averaging time.
+    alpha : int, callable or "auto"
+        Noise type for the degrees of freedom: one for all, or a function of averaging times [s], or found at each of
+        them, which is done too where the function gives NaN. Best is what a fit to the record says
+        (:func:`~navfuse.analysis.allan.noise_types.types_of_model`), since the longest averaging times do not show it.
     level : float
         Probability of the confidence interval.
     longest_s : float [s], optional
@@ -141,130 +150,92 @@ def deviation(
 
 
 def curve_of_phases(
-    phases: list[Array],
+    phases: Phases,
     rate: float,
     kind: str,
     *,
     grid: str | int | Array = "octave",
-    alpha: int | Literal["auto"] = "auto",
+    alpha: int | NoiseTypes | Literal["auto"] = "auto",
     level: float = ONE_SIGMA,
     longest_s: float | None = None,
 ) -> DeviationCurve:
-    """As :func:`deviation`, from the stretches of phase that :func:`phase_stretches` makes; they may be used again.
+    """As :func:`deviation`, from stretches of phase, which may be used again.
 
     Raises
     ------
     InputError
         If no stretch is long enough.
     ConfigError
-        For an unknown grid.
+        For an unknown grid, or an `alpha` that is none.
     """
-    longest = max(x.size - 1 for x in phases) // _LONGEST[kind]
+    longest = int(phases.size.max()) // _LONGEST[kind]
     if kind in ("adev", "oadev", "hdev", "ohdev", "mdev") and longest_s is None:
         longest = max(1, longest)
     if longest_s is not None:
         longest = min(longest, int(np.floor(longest_s * rate * (1.0 + 1e-12))))
     if longest < 1:
         raise InputError(
-            f"the record is too short for a {KINDS[kind]}: {max(x.size - 1 for x in phases)} samples in its longest "
-            "stretch"
+            f"the record is too short for a {KINDS[kind]}: {phases.size.max()} samples in its longest stretch"
         )
     factors = (
         averaging_factors(grid, longest) if isinstance(grid, str | int) else np.unique(np.asarray(grid, dtype=np.int64))
     )
     if factors.size == 0 or factors[0] < 1:
         raise ConfigError("averaging factors must be whole numbers of samples, at least 1")
-    count, total = np.zeros(factors.size, dtype=np.int64), np.zeros(factors.size)
-    for x in phases:
-        number, squares = sum_squares(x, _KERNEL[kind], factors, kind not in ("adev", "hdev"))
-        count += number
-        total += squares
-    kept = count > 0
-    factors, count, total = factors[kept], count[kept], total[kept]
+    overlapping = kind not in ("adev", "hdev")
+    size, times = np.unique(phases.size, return_counts=True)
+    factors = factors[difference_counts(_KERNEL[kind], size[-1:], factors, overlapping)[:, 0] > 0]
     if factors.size == 0:
         raise InputError(f"the record is too short for a {KINDS[kind]} at the averaging times asked for")
+    total = sum_squares(phases.points, phases.begin, phases.size, _KERNEL[kind], factors, overlapping)
+
+    def counts(k: int) -> Array:  # of all averaging times at once they might take more memory than the record
+        return difference_counts(_KERNEL[kind], size, factors[k : k + 1], overlapping)[0]
+
+    count = np.array([counts(k) @ times for k in range(factors.size)])
     tau = factors / rate
     scale = (6.0 if ORDER[kind] == 3 else 2.0) * tau**2 * count * (factors**2.0 if kind == "mdev" else 1.0)
     variance = total / scale
-    longest_stretch = max(phases, key=len)
-    exponents = (
-        noise_exponents(longest_stretch, factors, ORDER[kind]) if alpha == "auto" else np.full(factors.size, int(alpha))
-    )
-    edf = np.array(
-        [sum(_edf(kind, int(a), int(m), x.size - 1) for x in phases) for a, m in zip(exponents, factors, strict=True)]
-    )
-    low, high = interval(variance, edf, level)
+    exponents = _exponents(alpha, phases, factors, tau, kind, variance)
+    edf, bias = np.empty(factors.size), np.ones(factors.size)
+    low, high = np.empty(factors.size), np.empty(factors.size)
+    for k, (m, a) in enumerate(zip(factors.tolist(), exponents.tolist(), strict=True)):
+        edf[k], bias[k], low[k], high[k] = _spread(kind, a, m, size, times, counts(k), level)
     return DeviationCurve(
-        kind, tau, factors, np.sqrt(variance), np.sqrt(low), np.sqrt(high), edf, exponents, count, level
-    )
+        kind, tau, factors, np.sqrt(variance), np.sqrt(variance / bias * low), np.sqrt(variance / bias * high),
+        edf, exponents, count, level, bias,
+    )  # fmt: skip
 
 
-def _edf(kind: str, alpha: int, m: int, n: int) -> float:
-    return degrees_of_freedom(kind, alpha, m, n) if n >= _LONGEST[kind] * m else 0.0
+def _exponents(
+    alpha: int | NoiseTypes | Literal["auto"], phases: Phases, factors: Array, tau: Array, kind: str, variance: Array
+) -> Array:
+    if isinstance(alpha, int | np.integer):
+        given = np.full(factors.size, float(alpha))
+    elif callable(alpha):
+        given = np.asarray(alpha(tau), dtype=float)
+    elif alpha == "auto":
+        given = np.full(factors.size, np.nan)
+    else:
+        raise ConfigError(f'alpha = {alpha!r} must be a whole number, "auto", or a function of averaging times')
+    known = np.isfinite(given)
+    if not known.all():
+        given = np.where(known, given, noise_exponents(phases.longest(), factors, kind, variance))
+    return np.clip(np.rint(given), LEAST_ALPHA[ORDER[kind]], 2).astype(np.int64)
 
 
-def phase_stretches(
-    values: Array, rate: float, data: str = "rates", gaps: str = "split", least: int = 2
-) -> list[Array]:
-    """The phase of every stretch without gaps, its mean rate removed.
-
-    Parameters
-    ----------
-    values, rate, data, gaps
-        As in :func:`deviation`.
-    least : int
-        Shorter stretches, in samples, are left out.
-
-    Returns
-    -------
-    list of (k + 1,) arrays
-        Unit of the rate times second.
-
-    Raises
-    ------
-    InputError
-        As in :func:`deviation`.
-    ConfigError
-        If `data` or `gaps` is not one of its words.
-    """
-    if data not in ("rates", "increments", "phase"):
-        raise ConfigError(f'data = {data!r} must be "rates", "increments" or "phase"')
-    if gaps not in ("split", "refuse"):
-        raise ConfigError(f'gaps = {gaps!r} must be "split" or "refuse"')
-    values = np.asarray(values)
-    if values.ndim != 1 or values.dtype.kind not in "fiu":
-        raise InputError(f"a record must be a vector of numbers, not {values.dtype} of shape {values.shape}")
-    if values.dtype.kind != "f":
-        values = values.astype(np.float64)
-    bounds = _stretches(values, gaps)
-    if data == "phase":
-        return [values[a:b].astype(np.float64) for a, b in bounds if b - a > least]
-    kept = [(a, b) for a, b in bounds if b - a >= least]
-    if not kept:
-        raise InputError(f"the record has no stretch of {least} samples without a gap")
-    scale = 1.0 / rate if data == "rates" else 1.0
-    mean = sum(float(np.sum(values[a:b], dtype=np.float64)) for a, b in kept) / sum(b - a for a, b in kept)
-    phases = []
-    for a, b in kept:
-        x = np.empty(b - a + 1)
-        integrate(values[a:b], mean, scale, x)
-        phases.append(x)
-    return phases
-
-
-def _stretches(values: Array, gaps: str) -> list[tuple[int, int]]:
-    """Beginnings and ends of the stretches without NaN."""
-    good = np.isfinite(values)
-    if good.all():
-        return [(0, values.size)]
-    if np.isinf(values).any():
-        raise InputError(
-            f"the record has an infinite value, the first in sample {int(np.argmax(np.isinf(values))) + 1}"
-        )
-    if gaps == "refuse":
-        raise InputError(
-            f"the record has {int(np.count_nonzero(~good))} missing samples (NaN), the first is sample "
-            f'{int(np.argmin(good)) + 1}; gaps = "split" averages over the stretches between them'
-        )
-    edge = np.diff(good.astype(np.int8), prepend=0, append=0)
-    return list(zip(np.flatnonzero(edge == 1).tolist(), np.flatnonzero(edge == -1).tolist(), strict=True))
+def _spread(
+    kind: str, alpha: int, m: int, size: Array, times: Array, count: Array, level: float
+) -> tuple[float, float, float, float]:
+    """Degrees of freedom, bias, and limits in units of the estimate without bias, of `times` stretches of each size."""
+    used = count > 0
+    size, times, count = size[used], times[used], count[used]
+    share = count / (count @ times)
+    bias = float((share * times) @ total_bias(alpha, m, size)) if kind == "totdev" else 1.0
+    edf = pooled(degrees_of_freedom(kind, alpha, m, size), count, times)
+    if edf >= FEWEST or (alpha > 0 and kind in ("oadev", "ohdev")):  # of those the edf go with the samples in tau
+        low, high = interval(np.ones(1), np.array([edf]), level)
+        return edf, bias, float(low[0]), float(high[0])
+    parts = np.concatenate([np.tile(share[k] * weights(kind, alpha, m, int(n)), times[k]) for k, n in enumerate(size)])
+    few, many = quantiles(parts, np.array([0.5 - level / 2.0, 0.5 + level / 2.0]))
+    return 1.0 / float(parts @ parts), bias, 1.0 / float(many), 1.0 / float(few)

@@ -28,11 +28,15 @@ RAMP_PRICE = 12.0
 """The same of a ramp: 3.5 sigma, since at the lowest frequencies a few numbers decide, and a random walk does "
 "as well."""
 
+_SLACK = 0.5
+"""What a fit may have missed the maximum of the log-likelihood by, when sets of terms are skipped for it."""
+
 _WIDE = 16
 _TUKEY = 4.685
 _FIRST_ERROR = 0.3
 _REWEIGHTINGS = 25
-_GOOD_ENOUGH = 0.2
+GOOD_ENOUGH = 0.2
+"""Relative error of a model, in half of the bins, with which it may be called a description."""
 
 
 @dataclass(slots=True, eq=False)
@@ -141,13 +145,21 @@ def _best_subset(model: Model, wanted: tuple[str, ...], likelihood: Restricted) 
 
 
 def _with_gauss_markov(model: Model, best: Fit, random: list[str], likelihood: Restricted) -> Fit:
-    """Try a Gauss-Markov process beside every set of terms, from several correlation times."""
+    """Try a Gauss-Markov process beside every set of terms, from several correlation times.
+
+    No set is likelier than one that contains it: a set whose superset would not pay even at the lower price is skipped.
+    """
     s = model.spectrum
     starts = np.geomspace(10.0 * s.dt, 0.3 * s.span, 6)
     worth = 2.0 * best.total - PRICE * len(best.names)
     chosen = best
-    for size in range(len(random) + 1):
+    known: dict[frozenset[str], float] = {}
+    for size in range(len(random), -1, -1):
         for others in itertools.combinations(random, size):
+            bound = min((total for larger, total in known.items() if larger.issuperset(others)), default=math.inf)
+            known[frozenset(others)] = bound
+            if 2.0 * bound - PRICE * size - GM_PRICE <= worth:
+                continue
             names = (*others, "GM")
             top: Fit | None = None
             for tau in starts:
@@ -157,7 +169,10 @@ def _with_gauss_markov(model: Model, best: Fit, random: list[str], likelihood: R
                 fit = model.fit(names, likelihood, begin)
                 if top is None or fit.total > top.total:
                     top = fit
-            if top is not None and 2.0 * top.total - PRICE * size - GM_PRICE > worth:
+            if top is None:
+                continue
+            known[frozenset(others)] = top.total + _SLACK
+            if 2.0 * top.total - PRICE * size - GM_PRICE > worth:
                 chosen, worth = top, 2.0 * top.total - PRICE * size - GM_PRICE
     return chosen
 
@@ -195,7 +210,7 @@ def reduced(model: Model, wanted: tuple[str, ...], first: Fit) -> tuple[Model, A
         weight, misfit, left_out, edge = _robust_weights(part, wanted, first)
         tried.append((part, weight, misfit, left_out, min(highest, edge)))
         highest = 0.5 * (highest if math.isfinite(highest) else float(spectrum.frequency[-1]))
-        if misfit <= _GOOD_ENOUGH and left_out <= 0.5:
+        if misfit <= GOOD_ENOUGH and left_out <= 0.5:
             return tried[-1]
         if spectrum.below(highest).dof.sum() < SINGLE:
             return min(tried, key=lambda one: one[2])
@@ -227,9 +242,10 @@ def _robust_weights(model: Model, wanted: tuple[str, ...], first: Fit) -> tuple[
     begin = np.array([known.get(name, model.start(name) - 5.0) for name in names])
     weight = 1.0 / (1.0 / spectrum.dof + 0.5 * error**2)
     for _ in range(_REWEIGHTINGS):
-        fit = model.fit(names, Restricted(spectrum, False, np.maximum(weight * share, 1e-6)), begin)
+        likelihood = Restricted(spectrum, False, np.maximum(weight * share, 1e-6))
+        fit = model.fit(names, likelihood, begin)
         begin = fit.log
-        residual = np.log(spectrum.power / spectrum.dof / fit.density)
+        residual = np.log(likelihood.remaining(fit.density) / fit.density)
         error = _common_error(residual[wide], spectrum.dof[wide])
         z = residual / (_TUKEY * np.sqrt(2.0 / spectrum.dof + error**2))
         share = np.where(wide, np.where(np.abs(z) < 1.0, (1.0 - np.minimum(z * z, 1.0)) ** 2, 0.0), 1.0)

@@ -2,8 +2,8 @@
 
 The likelihood is that of :mod:`navfuse.analysis.allan.likelihood`: each point of the spectrum enters with exactly the
 confidence it has, and no correlation between averaging times is left out, which is what a least-squares fit to an Allan
-curve cannot give. A term is reported if it earns its price, and, where no sum of terms fits, if it
-does not exceed 1.5 times what the measured Allan deviation allows.
+curve cannot give. A term is reported if it earns its price, and if the measured Allan deviation
+is not so far below the model, where this term makes most of it, that hardly any record of that model would be.
 """
 
 from __future__ import annotations
@@ -13,8 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from navfuse.analysis.allan.agreement import probability_below, too_large_at
 from navfuse.analysis.allan.deviations import DeviationCurve, curve_of_phases, phase_stretches
-from navfuse.analysis.allan.fitting import Fit, Model, chi_square, choose, reduced
+from navfuse.analysis.allan.fitting import GOOD_ENOUGH, Fit, Model, chi_square, choose, reduced
+from navfuse.analysis.allan.gaps import SHORT, bridge_long, bridge_short, runs, simulator, usable
 from navfuse.analysis.allan.likelihood import CosineSpectrum, Restricted, cosine_spectrum
 from navfuse.analysis.allan.terms import RANDOM_TERMS, TERMS, Flicker, Term, allan_variance, flicker
 from navfuse.errors import ConfigError, InputError
@@ -27,10 +29,10 @@ WANTED = 0.25
 SHORTEST = 1000
 """Samples; shorter records are refused."""
 
-_CONTRADICTED = 0.998
-_CEILING_LEVEL = 0.5 * (1.0 + _CONTRADICTED)
+_CEILING = 0.998
+_CEILING_LEVEL = 0.5 * (1.0 + _CEILING)
 _LIKELIHOOD_LEVEL = 0.95
-_TOLERANCE = 1.5
+_ROUNDS = 2
 CEILED = (*RANDOM_TERMS, "R")
 
 
@@ -59,7 +61,11 @@ class Identification:
     parameters : tuple of str
     flicker : Flicker
     span : float [s]
-        Length of the stretch that was used.
+        Length of the part that was used.
+    begin : int
+        Its first sample.
+    filled : int
+        Samples in it that are missing and were bridged.
     """
 
     terms: tuple[Term, ...]
@@ -74,6 +80,13 @@ class Identification:
     parameters: tuple[str, ...]
     flicker: Flicker
     span: float
+    begin: int = 0
+    filled: int = 0
+
+    def coefficients(self) -> dict[str, float]:
+        """Values of the random terms that are present, and "GM_tau"."""
+        found = {term.name: term.value for term in self.terms if term.present and term.name in (*RANDOM_TERMS, "GM")}
+        return found | ({"GM_tau": self.term("GM").extra} if "GM" in found else {})
 
     def term(self, name: str) -> Term:
         """The first term of this name."""
@@ -102,12 +115,13 @@ def identify(
     terms: tuple[str, ...] = ("Q", "N", "B", "K", "R"),
     flicker_band: tuple[float, float] = (0.1, 1e4),
 ) -> Identification:
-    """Noise terms of a record of rates without gaps.
+    """Noise terms of a record of rates.
 
     Parameters
     ----------
     values : (n,) array
-        Rates; for increments divide by the sampling interval.
+        Rates; for increments divide by the sampling interval. NaN where samples are missing: gaps are bridged where
+        they are short and few, see :func:`~navfuse.analysis.allan.gaps.usable`.
     rate : float [Hz]
     terms : tuple of str
         Terms to look for, of :data:`~navfuse.analysis.allan.terms.TERMS`.
@@ -117,14 +131,22 @@ def identify(
     Returns
     -------
     Identification
+        Of the part of the record that could be used.
 
     Raises
     ------
     InputError
-        For a record of fewer than 1000 samples, with values that are not finite, or a constant one.
+        For a record that is infinite somewhere, constant, or of which fewer than 1000 samples can be used.
     ConfigError
         For an unknown term, none at all, or a band that is not at least a decade.
     """
+    return identify_and_bridge(values, rate, terms, flicker_band)[0]
+
+
+def identify_and_bridge(
+    values: Array, rate: float, terms: tuple[str, ...], flicker_band: tuple[float, float]
+) -> tuple[Identification, Array]:
+    """As :func:`identify`, also the part of the record that was used, without gaps."""
     unknown = [name for name in terms if name not in TERMS]
     if unknown or not terms:
         raise ConfigError(f"noise terms {', '.join(unknown) or '(none)'}: known are {', '.join(TERMS)}")
@@ -133,14 +155,51 @@ def identify(
             f"flicker_band = {flicker_band} must be two correlation times in seconds, a decade or more apart"
         )
     values = np.asarray(values, dtype=np.float64)
-    if values.ndim != 1 or values.size < SHORTEST:
+    if values.ndim != 1:
+        raise InputError(f"a record of shape {values.shape}: identify one axis at a time")
+    if np.isinf(values).any():
+        raise InputError("the record has values that are infinite")
+    part = usable(values)
+    if part.stop - part.start < SHORTEST:
         raise InputError(
-            f"a record of {values.size} samples is too short to identify noise: at least {SHORTEST} are needed"
+            f"a record of {part.stop - part.start} samples is too short to identify noise: at least {SHORTEST} are "
+            "needed, without long gaps between them"
         )
-    if not np.isfinite(values).all():
-        raise InputError("the record has values that are not finite; identify one stretch between gaps at a time")
-    if np.ptp(values) == 0.0:
+    values = values[part]
+    missing = np.isnan(values)
+    if np.nanmin(values) == np.nanmax(values):
         raise InputError("the record is constant: a channel without any noise is not connected, or stuck")
+    share = float(np.mean(missing))
+    if share == 0.0:
+        return replace(_identified(values, rate, terms, flicker_band, 0.0), begin=part.start), values
+    long = [(a, b) for a, b in runs(missing) if b - a > SHORT]
+    values = values.copy()
+    bridge_short(values)
+    if long:
+        clean = max(zip([0, *(b for _, b in long)], [*(a for a, _ in long), values.size], strict=True), key=_length)
+        found = _identified(values[slice(*clean)], rate, terms, flicker_band, 0.0)
+        for _ in range(_ROUNDS):
+            bridge_long(values, long, _quietest(found), simulator(found.coefficients(), found.flicker, 1.0 / rate))
+            found = _identified(values, rate, terms, flicker_band, share)
+    else:
+        found = _identified(values, rate, terms, flicker_band, share)
+    return replace(found, begin=part.start, filled=int(np.count_nonzero(missing))), values
+
+
+def _quietest(found: Identification) -> int:
+    """Averaging time, in samples, at which the Allan deviation of the model is lowest."""
+    factor = 2 ** np.arange(int(math.log2(found.span / found.spectrum.dt)))
+    return int(factor[np.argmin(np.nan_to_num(found.allan_variance(factor * found.spectrum.dt)))])
+
+
+def _length(bounds: tuple[int, int]) -> int:
+    return bounds[1] - bounds[0]
+
+
+def _identified(
+    values: Array, rate: float, terms: tuple[str, ...], flicker_band: tuple[float, float], share: float
+) -> Identification:
+    """Of a record without gaps, of which a share was filled."""
     dt = 1.0 / rate
     lines: list[Term] = []
     if "sin" in terms:
@@ -149,11 +208,11 @@ def identify(
         values, lines = take_lines_out(values, rate)
     spectrum = cosine_spectrum(values, dt)
     model = Model(spectrum, flicker(spectrum.span, *flicker_band))
-    curve = curve_of_phases(phase_stretches(values, rate), rate, "oadev", grid=10, level=_CONTRADICTED)
+    curve = curve_of_phases(phase_stretches(values, rate), rate, "oadev", grid=10, level=_CEILING)
     refused: set[str] = set()
     while True:
-        found = _select(model, tuple(name for name in terms if name not in refused), lines)
-        above = _contradicted(found, curve) if found.misfit > 0.0 or found.left_out > 0.0 else set()
+        found = _select(model, tuple(name for name in terms if name not in refused), lines, share)
+        above = _contradicted(found, curve)
         refused |= above
         if not any(name in RANDOM_TERMS and name not in refused for name in terms):
             found = _nothing(found)
@@ -176,13 +235,16 @@ def _ceiling(name: str, found: Identification, curve: DeviationCurve) -> float:
 
 
 def _contradicted(found: Identification, curve: DeviationCurve) -> set[str]:
-    """Terms that alone exceed 1.5 times what the measured deviation allows.
+    """The term that makes most of the model where the measured deviation is improbably far below it.
 
-    Asked of records only that no sum of terms fits. In one that is fitted, the longest averaging times are a few
-    numbers, which may well be low by chance, and of which the likelihood knows.
+    A ramp is no part of the random model, but of the deviation: with one the measured curve is the higher.
     """
-    present = (term for term in found.terms if term.present and term.name in CEILED)
-    return {term.name for term in present if abs(term.value) > _TOLERANCE * _ceiling(term.name, found, curve)}
+    random = [term.name for term in found.terms if term.present and term.name in (*RANDOM_TERMS, "GM")]
+    parts = np.array([found.allan_variance(curve.tau, name) for name in random])
+    samples = round(found.span / found.spectrum.dt)
+    below = probability_below(curve, parts.sum(axis=0), samples, found.misfit)
+    at = too_large_at(curve, below, 1.0 / found.highest)
+    return set() if at is None else {random[int(np.argmax(parts[:, at]))]}
 
 
 def _with_ceilings(
@@ -207,7 +269,7 @@ def _nothing(found: Identification) -> Identification:
     return replace(found, terms=terms, density=nothing, parameters=(), correlation=np.empty((0, 0)))
 
 
-def _select(model: Model, wanted: tuple[str, ...], lines: list[Term]) -> Identification:
+def _select(model: Model, wanted: tuple[str, ...], lines: list[Term], share: float) -> Identification:
     spectrum, whole = model.spectrum, model
     best, likelihood, ramp = choose(model, wanted, None)
     chi2, dof = chi_square(Restricted(spectrum, ramp), best)
@@ -216,7 +278,8 @@ def _select(model: Model, wanted: tuple[str, ...], lines: list[Term]) -> Identif
         model, weight, misfit, left_out, highest = reduced(model, wanted, best)
         best, likelihood, ramp = choose(model, wanted, weight)
     information = 0.5 * (best.slopes * likelihood.dof) @ best.slopes.T
-    covariance = np.linalg.pinv(information)
+    covariance = np.linalg.pinv(information) / (1.0 - share)
+    covariance += _common(misfit)
     sigma = np.sqrt(np.diag(covariance))
     found = {}
     for k, name in enumerate(best.names):
@@ -230,7 +293,7 @@ def _select(model: Model, wanted: tuple[str, ...], lines: list[Term]) -> Identif
             relative * value,
             extra=extra,
             extra_sigma=extra * float(sigma[-1]) if name == "GM" else math.nan,
-            least_span=spectrum.span * (relative / WANTED) ** 2,
+            least_span=math.inf if 0.25 * _common(misfit) > WANTED**2 else spectrum.span * (relative / WANTED) ** 2,
             gain=_gain(model, best, name, likelihood),
         )
     if "R" in wanted:
@@ -263,6 +326,14 @@ def _select(model: Model, wanted: tuple[str, ...], lines: list[Term]) -> Identif
         model.flicker,
         spectrum.span,
     )
+
+
+def _common(misfit: float) -> float:
+    """Variance of the logarithm of a density that is added to every term where the model is too wrong to average over.
+
+    Up to a fifth the errors of the bins are taken for independent; beyond it they may all be the same.
+    """
+    return misfit**2 if misfit > GOOD_ENOUGH else 0.0
 
 
 def _gain(model: Model, best: Fit, name: str, likelihood: Restricted) -> float:

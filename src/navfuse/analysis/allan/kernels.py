@@ -1,9 +1,11 @@
 """Sums of squared differences of a phase, the only loops over samples of the Allan family. No checks are made.
 
-Every estimator works on one cumulative sum, the phase: the angle (or speed) that the sensor has counted. The work is
-cut into pieces of fixed size, whatever the number of threads, and the pieces are added in a fixed order, so that the
-result is the same to the last bit on one core and on many. ``reassoc`` lets the compiler keep several partial sums in
-a vector register within a piece; it changes the rounding once, when it compiles, and not from run to run.
+Every estimator works on one cumulative sum, the phase: the angle (or speed) that the sensor has counted. Stretches
+between gaps lie one behind the other in one array. The work is cut into pieces of fixed size, whatever the number of
+threads, and the pieces are added in a fixed order, so that the result is the same to the last bit on one core and on
+many. A long stretch is several pieces; many short ones are one, or starting the threads would take longer than the
+sum. ``reassoc`` lets the compiler keep several partial sums in a vector register within a piece; it changes the
+rounding once, when it compiles, and not from run to run.
 """
 
 from __future__ import annotations
@@ -17,24 +19,44 @@ PIECE = 1 << 15
 ALLAN, MODIFIED, HADAMARD, TOTAL = 0, 1, 2, 3
 
 
+@njit(cache=True, error_model="numpy", fastmath={"reassoc"})
+def mean_of_stretches(values, begin, size):
+    """Mean over the samples of all stretches: no deviation depends on it, but the phase stays small without it."""
+    total, samples = 0.0, 0
+    for s in range(begin.size):
+        part, view = 0.0, values[begin[s] : begin[s] + size[s]]
+        for k in range(view.size):
+            part += view[k]
+        total += part
+        samples += size[s]
+    return total / samples
+
+
 @njit(cache=True, error_model="numpy")
-def integrate(values, mean, scale, out):
-    """Phase of a stretch of samples: ``out[k] = scale * sum(values[:k] - mean)``, summed with compensation.
+def integrate(values, begin, size, mean, scale, out):
+    """Phase of stretches of samples: ``out[k] = scale * sum(values[:k] - mean)``, summed with compensation.
 
     Parameters
     ----------
     values : (n,) array
+    begin, size : (s,) int arrays
+        First sample and number of samples of each stretch.
     mean, scale : float
-    out : (n + 1,) array
+    out : (sum of size + s,) array
+        One stretch of phase behind the other, each one point longer than the samples.
     """
-    total, rest = 0.0, 0.0
-    out[0] = 0.0
-    for k in range(values.size):
-        term = (values[k] - mean) * scale - rest
-        raised = total + term
-        rest = (raised - total) - term
-        total = raised
-        out[k + 1] = total
+    at = 0
+    for s in range(begin.size):
+        total, rest = 0.0, 0.0
+        out[at] = 0.0
+        at += 1
+        for k in range(begin[s], begin[s] + size[s]):
+            term = (values[k] - mean) * scale - rest
+            raised = total + term
+            rest = (raised - total) - term
+            total = raised
+            out[at] = total
+            at += 1
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc"})
@@ -103,49 +125,87 @@ def _total_piece(x, begin, end, m):
     return total
 
 
+@njit(cache=True, error_model="numpy")
+def _number(kind, n, m, step):
+    """How many differences there are in a stretch of n samples."""
+    if kind == TOTAL:
+        return n - 1 if m <= n - 1 else 0
+    spare = n - 2 * m if kind == ALLAN else n - 3 * m + (1 if kind == MODIFIED else 0)
+    return spare // step + 1 if spare >= 0 else 0
+
+
+@njit(cache=True, error_model="numpy")
+def difference_counts(kind, size, factors, overlapping):
+    """Number of differences by averaging factor (rows) and size of a stretch (columns)."""
+    count = np.empty((factors.size, size.size), dtype=np.int64)
+    for k in range(factors.size):
+        for s in range(size.size):
+            count[k, s] = _number(kind, size[s], factors[k], 1 if overlapping else factors[k])
+    return count
+
+
 @njit(cache=True, error_model="numpy", parallel=True)
-def sums_of_squares(x, kind, factor, step, count, piece, first, out):
-    """Sum of squared differences for each averaging factor.
+def _sums(x, begin, size, kind, factor, step, low, high, first, length, out):
+    """Sums of squared differences of pieces of work.
 
     Parameters
     ----------
-    x : (n + 1,) array
-        Phase of one stretch without gaps.
+    x : (k,) array
+        Stretches of phase, one behind the other.
+    begin, size : (s,) int arrays
+        Of each stretch: its first point, and its samples (points less one).
     kind : int
         ALLAN, MODIFIED, HADAMARD or TOTAL.
-    factor : (p,) int array
-        Averaging factor of each piece of work.
-    step : (p,) int array
-        Distance of neighbouring differences: 1 overlapping, the factor otherwise.
-    count : (p,) int array
-        Number of differences there are for this factor.
-    piece : (p,) int array
-        Differences in one piece for this factor.
-    first : (p,) int array
-        Index of the first difference of the piece.
+    factor, step : (p,) int arrays
+        Averaging factor of each piece, and distance of neighbouring differences: 1, or the factor.
+    low, high : (p,) int arrays
+        Stretches of the piece, from low to before high.
+    first, length : (p,) int arrays
+        First difference of the piece in each of its stretches, and how many there are in it at most.
     out : (p,) array
-        The sums, one for each piece.
     """
     for p in prange(factor.size):
-        begin = first[p]
-        end = min(begin + piece[p], count[p])
-        if kind == ALLAN:
-            out[p] = _allan_piece(x, begin, end, step[p], factor[p])
-        elif kind == HADAMARD:
-            out[p] = _hadamard_piece(x, begin, end, step[p], factor[p])
-        elif kind == MODIFIED:
-            out[p] = _modified_piece(x, begin, end, factor[p])
-        else:
-            out[p] = _total_piece(x, begin + 1, end + 1, factor[p])
+        m, total = factor[p], 0.0
+        for s in range(low[p], high[p]):
+            count = _number(kind, size[s], m, step[p])
+            if count <= first[p]:
+                continue
+            part = x[begin[s] : begin[s] + size[s] + 1]
+            end = min(first[p] + length[p], count)
+            if kind == ALLAN:
+                total += _allan_piece(part, first[p], end, step[p], m)
+            elif kind == HADAMARD:
+                total += _hadamard_piece(part, first[p], end, step[p], m)
+            elif kind == MODIFIED:
+                total += _modified_piece(part, first[p], end, m)
+            else:
+                total += _total_piece(part, first[p] + 1, end + 1, m)
+        out[p] = total
 
 
-def sum_squares(x: np.ndarray, kind: int, factors: np.ndarray, overlapping: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Number of differences and sum of their squares for each averaging factor, for one stretch of phase.
+def _groups(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and last stretch (exclusive) of every group: a long stretch alone, short ones up to a piece together."""
+    edges, filled = [0], 0
+    for k, n in enumerate(size.tolist()):
+        if filled and filled + n > PIECE:
+            edges.append(k)
+            filled = 0
+        filled += n
+    edges.append(size.size)
+    return np.array(edges[:-1]), np.array(edges[1:])
+
+
+def sum_squares(
+    x: np.ndarray, begin: np.ndarray, size: np.ndarray, kind: int, factors: np.ndarray, overlapping: bool
+) -> np.ndarray:
+    """Sum of the squared differences of all stretches for each averaging factor.
 
     Parameters
     ----------
-    x : (n + 1,) array
-        Phase.
+    x : (k,) array
+        Stretches of phase, one behind the other.
+    begin, size : (s,) int arrays
+        Of each stretch: its first point, and its samples (points less one).
     kind : int
         ALLAN, MODIFIED, HADAMARD or TOTAL.
     factors : (t,) int array
@@ -153,29 +213,31 @@ def sum_squares(x: np.ndarray, kind: int, factors: np.ndarray, overlapping: bool
 
     Returns
     -------
-    count : (t,) int array
-        0 where the stretch is too short.
-    total : (t,) array
+    (t,) array
+        0 where no stretch is long enough.
     """
-    n = x.size - 1
-    reach = {ALLAN: 2, MODIFIED: 3, HADAMARD: 3, TOTAL: 1}[kind] * factors
-    last = {ALLAN: n, MODIFIED: n + 1, HADAMARD: n, TOTAL: n}[kind]
+    low, high = _groups(size)
+    longest = np.maximum.reduceat(size, low)
     step = np.ones_like(factors) if overlapping else factors
-    count = np.where(reach <= last, (last - reach) // step + 1, 0)
-    if kind == TOTAL:
-        count = np.where(factors <= n - 1, n - 1, 0)
-    size = np.maximum(PIECE // step, 1) if not overlapping else np.full_like(factors, PIECE)
+    length = np.full_like(factors, PIECE) if overlapping else np.maximum(PIECE // step, 1)
     if kind == MODIFIED:
-        size = np.maximum(size, 4 * factors)
-    pieces = -(-count // size)
-    which = np.repeat(np.arange(factors.size), pieces)
-    first = (np.arange(which.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)) * size[which]
-    order = np.argsort(first * step[which], kind="stable")
-    chosen = which[order]
-    parts = np.zeros(which.size)
+        length = np.maximum(length, 4 * factors)
+    # Of a group of short stretches one piece takes all differences, of a long one as many as its length says.
+    pieces = -(-difference_counts(kind, longest, factors, overlapping) // length[:, None])
+    pieces = np.where((high - low > 1)[None, :], np.minimum(pieces, 1), pieces).ravel()
+    cell = np.repeat(np.arange(pieces.size), pieces)
+    number = np.arange(cell.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    which, group = np.divmod(cell, low.size)
+    first = number * length[which]
+    most = np.where(high[group] - low[group] > 1, x.size, length[which])
+    # Neighbours in time, whatever the factor, so that the phase is read from the memory once.
+    order = np.argsort(begin[low[group]] + first * step[which], kind="stable")
+    chosen, group = which[order], group[order]
     found = np.empty(which.size)
-    sums_of_squares(x, kind, factors[chosen], step[chosen], count[chosen], size[chosen], first[order], found)
+    _sums(
+        x, begin, size, kind, factors[chosen], step[chosen], low[group], high[group], first[order], most[order], found
+    )  # fmt: skip
+    parts, total = np.empty(which.size), np.zeros(factors.size)
     parts[order] = found
-    total = np.zeros(factors.size)
     np.add.at(total, which, parts)
-    return count, total
+    return total

@@ -16,6 +16,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 Array = np.ndarray
 
@@ -68,20 +69,67 @@ def cosine_spectrum(values: Array, dt: float) -> CosineSpectrum:
     from scipy.fft import dct
 
     n = values.size
-    whole = np.asarray(dct(np.asarray(values, dtype=np.float64) - np.mean(values), type=2, norm="ortho"))
-    c = math.sqrt(dt) * whole[1:]
-    k = np.arange(1, n)
+    copy = np.array(values, dtype=np.float64)
+    copy -= np.mean(copy)
+    whole = np.asarray(dct(copy, type=2, norm="ortho", overwrite_x=True))
     edge = _edges(n)
-    half = 0.5 * math.pi * k / n
-    end = math.sqrt(2.0 / n * dt) * np.cos(half)
-    ramp = np.where(k % 2 == 1, -math.sqrt(2.0 / n * dt) * dt * np.cos(half) / (2.0 * np.sin(half) ** 2), 0.0)
-    sign = np.where(k % 2 == 1, -1.0, 1.0)
-    columns = (end, sign * end, ramp)
+    sums = np.empty((10, edge.size))
+    bin_sums(whole, dt, np.append(edge, n - 1) + 1, sums)
     dof = np.diff(np.append(edge, n - 1)).astype(float)
-    design = np.array([np.add.reduceat(x * c, edge) for x in columns])
-    gram = np.array([[np.add.reduceat(x * y, edge) for y in columns] for x in columns])
-    centre = np.add.reduceat(np.log(k), edge) / dof
-    return CosineSpectrum(np.exp(centre) / (2.0 * n * dt), dof, np.add.reduceat(c * c, edge), design, gram, dt, n * dt)
+    gram = sums[[[4, 5, 6], [5, 4, 7], [6, 7, 8]]]
+    return CosineSpectrum(np.exp(sums[9] / dof) / (2.0 * n * dt), dof, sums[0], sums[1:4], gram, dt, n * dt)
+
+
+@njit(cache=True, error_model="numpy")
+def bin_sums(transform, dt, edge, out):
+    """Sums over each bin of the squares of a cosine transform and of the products with its regressors.
+
+    Nothing of the length of the record is stored. No checks are made.
+
+    Parameters
+    ----------
+    transform : (n,) array
+        Orthonormal cosine transform (DCT-II) of the samples.
+    dt : float [s]
+    edge : (b + 1,) int array
+        Coefficients ``edge[j]`` to ``edge[j + 1] - 1`` are in bin j; the first is 1.
+    out : (10, b) array
+        Of squares; of products with first sample, last sample, ramp; products of the regressors: first with first,
+        first with last, first with ramp, last with ramp, ramp with ramp; logarithms of the number of the coefficient.
+    """
+    n = transform.size
+    root = math.sqrt(2.0 / n * dt)
+    for j in range(edge.size - 1):
+        power = first_c = last_c = ramp_c = 0.0
+        first2 = first_last = first_ramp = ramp2 = logs = 0.0
+        product, many = 1.0, 0
+        for k in range(edge[j], edge[j + 1]):
+            c = math.sqrt(dt) * transform[k]
+            half = 0.5 * math.pi * k / n
+            cosine = math.cos(half)
+            first = root * cosine
+            power += c * c
+            first_c += first * c
+            first2 += first * first
+            if k % 2 == 1:
+                ramp = -root * dt * cosine / (2.0 * math.sin(half) ** 2)
+                last_c -= first * c
+                ramp_c += ramp * c
+                first_last -= first * first
+                first_ramp += first * ramp
+                ramp2 += ramp * ramp
+            else:
+                last_c += first * c
+                first_last += first * first
+            product *= k
+            many += 1
+            if many == 16:
+                logs += math.log(product)
+                product, many = 1.0, 0
+        logs += math.log(product)
+        out[0, j], out[1, j], out[2, j], out[3, j] = power, first_c, last_c, ramp_c
+        out[4, j], out[5, j], out[6, j], out[7, j], out[8, j] = first2, first_last, first_ramp, -first_ramp, ramp2
+        out[9, j] = logs
 
 
 def _edges(n: int) -> Array:
@@ -133,6 +181,13 @@ class Restricted:
         explained = 2.0 * solution @ self._design
         slope = 0.5 * (self._power - explained + hidden) * inverse - 0.5 * self.dof
         return total, slope
+
+    def remaining(self, density: Array) -> Array:
+        """Power of each bin without what the regressors explain, over its degrees of freedom: a density (b,)."""
+        inverse = 1.0 / density
+        solution = np.linalg.solve(self._gram @ inverse, self._design @ inverse)
+        explained = 2.0 * solution @ self._design - np.einsum("i,j,ijb->b", solution, solution, self._gram)
+        return np.maximum(self._power - explained, 1e-12 * self._power) / self.dof
 
     def ramp(self, density: Array) -> tuple[float, float]:
         """The ramp and its standard deviation, unit of the rate per second."""

@@ -22,6 +22,8 @@ _NEIGHBOURS = 30
 _SATURATED = 20
 _LEVELS = 30
 _TREND = 0.8
+_AT_ONCE = 1 << 16
+"""Samples that statistics of windows are made of at once, so that they need no memory to speak of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +75,14 @@ def static_span(channels: list[tuple[str, Array]], rate: float) -> StaticSpan:
     if count < 4:
         return StaticSpan(0, n, 0.0, 0.0, ())
     moves, shakes = np.zeros(count, dtype=bool), np.zeros(count, dtype=bool)
+    gyros = []
     for sensor, values in channels:
-        jump, shaken = _moving(values[: count * width].reshape(count, width), FLOOR[sensor])
+        windows = window_statistics(values, width)
+        jump, shaken = _moving(windows, FLOOR[sensor])
         moves |= jump
         shakes |= shaken
-    gyros = [_means(values[: count * width].reshape(count, width)) for sensor, values in channels if sensor == "gyro"]
+        if sensor == "gyro":
+            gyros.append(np.where(windows.number >= 0.5 * width, windows.mean, np.nan))
     for begin, end in _turning(_true_runs(~moves), gyros):
         moves[begin:end] = True
     shaking = float(np.mean(shakes & ~moves))
@@ -97,34 +102,66 @@ def static_span(channels: list[tuple[str, Array]], rate: float) -> StaticSpan:
     )
 
 
-def _moving(windows: Array, floor: float) -> tuple[Array, Array]:
+@dataclass(frozen=True, slots=True, eq=False)
+class WindowStatistics:
+    """Windows of equal length of a record.
+
+    Attributes
+    ----------
+    width : int
+        Samples in each; what is left at the end of the record is in none.
+    number : (w,) array
+        Samples that are there.
+    mean, sd : (w,) arrays
+        Of these; 0 where there are none.
+    """
+
+    width: int
+    number: Array
+    mean: Array
+    sd: Array
+
+
+def window_statistics(values: Array, width: int) -> WindowStatistics:
+    """Number, mean and standard deviation of the samples in each window.
+
+    Parameters
+    ----------
+    values : (n,) array
+        NaN where missing.
+    width : int
+        Samples in a window, <= n.
+    """
+    count = values.size // width
+    number, mean, sd = np.empty(count), np.empty(count), np.empty(count)
+    several = max(1, _AT_ONCE // width)
+    for begin in range(0, count, several):
+        part = slice(begin, min(begin + several, count))
+        windows = values[part.start * width : part.stop * width].reshape(-1, width)
+        good = np.isfinite(windows)
+        number[part] = good.sum(axis=1)
+        many = np.maximum(number[part], 1.0)
+        mean[part] = np.where(good, windows, 0.0).sum(axis=1) / many
+        sd[part] = np.sqrt(np.where(good, (windows - mean[part, None]) ** 2, 0.0).sum(axis=1) / many)
+    return WindowStatistics(width, number, mean, sd)
+
+
+def _moving(windows: WindowStatistics, floor: float) -> tuple[Array, Array]:
     """Windows of one axis between which the mean jumps, and those whose noise stands out."""
-    good = np.isfinite(windows)
-    number = good.sum(axis=1)
-    jumps, shakes = np.zeros(windows.shape[0], dtype=bool), np.zeros(windows.shape[0], dtype=bool)
-    known = np.flatnonzero(number >= 0.5 * windows.shape[1])
+    jumps, shakes = np.zeros(windows.mean.size, dtype=bool), np.zeros(windows.mean.size, dtype=bool)
+    known = np.flatnonzero(windows.number >= 0.5 * windows.width)
     if known.size < 4:
         return jumps, shakes
-    good, windows, number = good[known], windows[known], number[known]
-    mean = np.where(good, windows, 0.0).sum(axis=1) / number
-    noise = np.sqrt(np.where(good, (windows - mean[:, None]) ** 2, 0.0).sum(axis=1) / number)
+    mean, noise = windows.mean[known], windows.sd[known]
     quiet = float(np.quantile(noise, 0.1))
     step = np.abs(np.diff(mean, prepend=mean[0]))
     usual_step = 1.4826 * float(np.median(step[1:]))
-    white = quiet / math.sqrt(windows.shape[1])
+    white = quiet / math.sqrt(windows.width)
     jump = step > max(_SIGMAS * min(usual_step, 5.0 * white + 0.2 * floor), floor)
     jump[:-1] |= jump[1:]
     jumps[known] = jump
     shakes[known] = noise > _NOISE_RATIO * np.minimum(_running_median(noise), _NOISE_RATIO * quiet)
     return jumps, shakes
-
-
-def _means(windows: Array) -> Array:
-    """Mean of each window, NaN where less than half of it is there."""
-    good = np.isfinite(windows)
-    number = good.sum(axis=1)
-    total = np.where(good, windows, 0.0).sum(axis=1)
-    return np.where(number >= 0.5 * windows.shape[1], total / np.maximum(number, 1), np.nan)
 
 
 def _turning(still: list[tuple[int, int]], gyros: list[Array]) -> list[tuple[int, int]]:
@@ -154,7 +191,7 @@ def _running_median(values: Array) -> Array:
 
 
 def _true_runs(flags: Array) -> list[tuple[int, int]]:
-    edge = np.diff(flags.astype(np.int8), prepend=0, append=0)
+    edge = np.diff(flags.astype(np.int8), prepend=np.int8(0), append=np.int8(0))
     return list(zip(np.flatnonzero(edge == 1).tolist(), np.flatnonzero(edge == -1).tolist(), strict=True))
 
 
@@ -195,7 +232,8 @@ def check_channel(values: Array, rate: float) -> ChannelCheck:
         NaN where missing.
     rate : float [Hz]
     """
-    good = values[np.isfinite(values)]
+    finite = np.isfinite(values)
+    good = values if finite.all() else values[finite]
     if good.size < 2 or np.ptp(good) == 0.0:
         return ChannelCheck(True, 0.0, None, 0, 0.0, False)
     trend, drifts = _trend(values, rate)
@@ -225,7 +263,7 @@ def resolution(values: Array) -> float:
 
 def _stuck(values: Array) -> tuple[int, int] | None:
     """The longest run of equal values, if chance would not make it: ten times what independent values would show."""
-    same = np.diff(values) == 0.0
+    same = values[1:] == values[:-1]
     share = min(float(np.mean(same)), 0.98)
     runs = _true_runs(same)
     if not runs:
@@ -240,12 +278,16 @@ def _saturated(values: Array) -> int:
     if np.unique(values[:100_000]).size < _LEVELS:
         return 0
     total = 0
-    for sign in (1.0, -1.0):
-        turned = sign * values
-        top = float(turned.max())
-        at_top = int(np.count_nonzero(turned == top))
-        rest = turned[turned < top]
-        if at_top >= _SATURATED and rest.size and at_top > 2 * int(np.count_nonzero(rest == rest.max())):
+    for top, inner, inside in (
+        (values.max(), np.max, np.less),
+        (values.min(), np.min, np.greater),
+    ):
+        at_top = int(np.count_nonzero(values == top))
+        if at_top < _SATURATED or at_top == values.size:
+            continue
+        outermost = -math.inf if inside is np.less else math.inf
+        next_one = inner(values, where=inside(values, top), initial=outermost)
+        if at_top > 2 * int(np.count_nonzero(values == next_one)):
             total += at_top
     return total
 
@@ -256,13 +298,11 @@ def _trend(values: Array, rate: float) -> tuple[float, bool]:
     width = values.size // count
     if width < 2:
         return 0.0, False
-    windows = values[: count * width].reshape(count, width)
-    good = np.isfinite(windows)
-    number = good.sum(axis=1)
-    known = number > 0.5 * width
+    windows = window_statistics(values[: count * width], width)
+    known = windows.number > 0.5 * width
     if np.count_nonzero(known) < 10:
         return 0.0, False
-    mean = np.where(good, windows, 0.0).sum(axis=1)[known] / number[known]
+    mean = windows.mean[known]
     where = (np.arange(count) + 0.5)[known] / count - 0.5
     slope = float(where @ (mean - mean.mean()) / (where @ where))
     explained = slope**2 * float(where @ where) / float(np.sum((mean - mean.mean()) ** 2) or 1.0)

@@ -41,19 +41,31 @@ def power_spectrum(values: Array, rate: float, segments: int = 8) -> PowerSpectr
     segments : int
         Parts that the record is cut into, half overlapping.
     """
-    from scipy.signal import welch
+    from scipy.fft import prev_fast_len, rfft
 
     from navfuse.analysis.allan.confidence import ONE_SIGMA, interval
 
-    length = max(8, 2 * values.size // (segments + 1))
-    frequency, density = welch(values, rate, window="hann", nperseg=min(length, values.size), detrend="linear")
-    frequency, density = frequency[1:], density[1:]
+    length = int(prev_fast_len(max(8, 2 * values.size // (segments + 1)), real=True) or 8)
+    window = np.hanning(length + 1)[:-1]
+    where = np.linspace(-1.0, 1.0, length)
+    total, averaged = np.zeros(length // 2 + 1), 0
+    for begin in range(0, values.size - length + 1, length - length // 2):
+        part = values[begin : begin + length] - np.mean(values[begin : begin + length])
+        part -= float(where @ part) / float(where @ where) * where
+        part *= window
+        power = np.abs(np.asarray(rfft(part, overwrite_x=True)))
+        total += np.square(power, out=power)
+        averaged += 1
+    total *= 2.0 / (averaged * rate * float(window @ window))
+    if length % 2 == 0:
+        total[-1] *= 0.5
+    frequency, density = np.fft.rfftfreq(length, 1.0 / rate)[1:], total[1:]
     bins = np.floor(PER_DECADE * np.log10(frequency / frequency[0])).astype(np.int64)
     edge = np.flatnonzero(np.diff(bins, prepend=-1))
     number = np.diff(np.append(edge, frequency.size))
     density = np.add.reduceat(density, edge) / number
     frequency = np.add.reduceat(frequency, edge) / number
-    averages = segments * 36.0 / 51.0 * 2.0
+    averages = averaged * 36.0 / 51.0 * 2.0
     dof = averages * np.maximum(1.0, number / 1.5)
     low, high = interval(density, dof, ONE_SIGMA)
     return PowerSpectrum(frequency, density, low, high)

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from navfuse.analysis.allan.deviations import KINDS, DeviationCurve, curve_of_phases, phase_stretches
-from navfuse.analysis.allan.identify import SHORTEST, Identification, identify
-from navfuse.analysis.allan.precheck import ChannelCheck, StaticSpan, check_channel, static_span
-from navfuse.analysis.allan.recommend import HORIZON, BiasModel, bias_model
-from navfuse.analysis.allan.spectra import Autocorrelation, PowerSpectrum, autocorrelation, power_spectrum
+from navfuse.analysis.allan import notes as remarks
+from navfuse.analysis.allan.deviations import KINDS, curve_of_phases
+from navfuse.analysis.allan.identify import SHORTEST, Identification, identify_and_bridge
+from navfuse.analysis.allan.noise_types import types_of_model
+from navfuse.analysis.allan.phase import phase_stretches
+from navfuse.analysis.allan.precheck import StaticSpan, check_channel, static_span
+from navfuse.analysis.allan.recommend import BiasModel, bias_model
+from navfuse.analysis.allan.results import AllanStudy, AxisStudy, StudySettings
+from navfuse.analysis.allan.spectra import autocorrelation, power_spectrum
+from navfuse.analysis.allan.terms import RANDOM_TERMS
 from navfuse.errors import ConfigError, InputError
 from navfuse.io.static_record import StaticRecord
 
@@ -22,138 +26,8 @@ Array = np.ndarray
 MOST_MOVING = 0.5
 """Share of a record in motion beyond which it is refused."""
 
-TURNS = math.radians(5.0)
-"""Mean rate [rad/s] beyond which a record is asked whether it turns."""
-
 _FAR = 1e15
 """Samples; more than any record has."""
-
-DEFAULT_TERMS = ("Q", "N", "B", "K", "R")
-
-
-@dataclass(frozen=True, slots=True)
-class StudySettings:
-    """What to compute.
-
-    Attributes
-    ----------
-    kinds : tuple of str
-        Deviations, keys of :data:`~navfuse.analysis.allan.deviations.KINDS`; the first is drawn and compared with the
-        model.
-    grid : str
-        Averaging times, as :func:`~navfuse.analysis.allan.grids.averaging_factors`.
-    terms : tuple of str
-        Noise terms to look for.
-    gaps : {"split", "refuse"}
-        What to do about missing samples.
-    level : float
-        Probability of the confidence intervals.
-    motion : {"trim", "refuse", "ignore"}
-        What to do about motion: take the longest part at rest, raise, or nothing.
-    from_s, until_s : float [s] or None
-        Part of the record, from its first sample.
-    longest_s : float [s] or None
-        Longest averaging time.
-    flicker_band : (float, float) [s]
-        Correlation times between which bias instability is flat.
-    horizon_s : float [s]
-        Over which a filter is to carry the bias.
-    """
-
-    kinds: tuple[str, ...] = ("oadev",)
-    grid: str = "20 per decade"
-    terms: tuple[str, ...] = DEFAULT_TERMS
-    gaps: Literal["split", "refuse"] = "split"
-    level: float = 0.6826894921370859
-    motion: Literal["trim", "refuse", "ignore"] = "trim"
-    from_s: float | None = None
-    until_s: float | None = None
-    longest_s: float | None = None
-    flicker_band: tuple[float, float] = (0.1, 1e4)
-    horizon_s: float = HORIZON
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class AxisStudy:
-    """Results of one axis, in SI units.
-
-    Attributes
-    ----------
-    name, sensor : str
-        "gyro x", "gyro".
-    mean, sd : float
-        Of the samples. The mean holds the bias and, of a gyro, the Earth rate.
-    curves : dict
-        Deviations by kind.
-    identification : Identification
-    check : ChannelCheck
-    spectrum : PowerSpectrum
-    autocorrelation : Autocorrelation
-    missing : int
-        Samples that are not there.
-    """
-
-    name: str
-    sensor: str
-    mean: float
-    sd: float
-    curves: dict[str, DeviationCurve]
-    identification: Identification
-    check: ChannelCheck
-    spectrum: PowerSpectrum
-    autocorrelation: Autocorrelation
-    missing: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class AllanStudy:
-    """Results of a record.
-
-    Attributes
-    ----------
-    source : str
-    rate : float [Hz]
-    span : float [s]
-        Length of the part that was used.
-    start : float [s]
-        Stamp of its first sample.
-    kind : {"rates", "increments"}
-    rest : StaticSpan
-        Where the record is at rest, in samples of the part that was asked for.
-    axes : tuple of AxisStudy
-    gyro, accel : BiasModel or None
-        Recommended models of the biases.
-    settings : StudySettings
-    warnings : tuple of str
-    """
-
-    source: str
-    rate: float
-    span: float
-    start: float
-    kind: str
-    rest: StaticSpan
-    axes: tuple[AxisStudy, ...]
-    gyro: BiasModel | None
-    accel: BiasModel | None
-    settings: StudySettings
-    warnings: tuple[str, ...]
-
-    def of(self, sensor: str) -> list[AxisStudy]:
-        """The axes of a sensor."""
-        return [axis for axis in self.axes if axis.sensor == sensor]
-
-    def white(self, sensor: str) -> float:
-        """Root mean square over the axes of the random walk coefficient N, or of its limit where it is not seen.
-
-        Axes whose record is too short for N do not count. NaN where the record has no such sensor, or N was not looked
-        for, or no axis tells.
-        """
-        found = [axis.identification for axis in self.of(sensor)]
-        terms = [t for one in found for t in one.terms if t.name == "N" and not one.too_short(t)]
-        values = np.array([t.value if t.present else t.limit for t in terms])
-        values = values[np.isfinite(values)]
-        return float(np.sqrt(np.mean(np.square(values)))) if values.size else math.nan
 
 
 def study(
@@ -186,9 +60,8 @@ def study(
     _check_settings(settings)
     part = _part(record, settings)
     notes = list(record.notes)
-    checks = [check_channel(channel.values, part.rate) for channel in part.channels]
-    for channel, check in zip(part.channels, checks, strict=True):
-        if check.constant:
+    for channel in part.channels:
+        if _constant(channel.values):
             raise InputError(
                 f"{part.source}: {channel.name} is constant: the channel is not connected, or stuck; leave it out or "
                 "record anew"
@@ -208,16 +81,22 @@ def study(
     axes = []
     for k, channel in enumerate(used.channels):
         axes.append(_axis(used, channel, settings))
-        notes += _oddities(part.source, channel.name, axes[-1], used)
+        notes += remarks.of_axis(part.source, channel.name, axes[-1], used)
         if progress:
             progress("axes", (k + 1) / len(used.channels))
     span = (rest.end - rest.begin) / part.rate
     models = {sensor: _bias(axes, sensor, span, settings.horizon_s) for sensor in ("gyro", "accel")}
-    notes += _turn_notes(axes, part.source) + _drift_notes(used)
+    notes += remarks.of_turning(axes, part.source) + remarks.of_drift(used, axes)
     return AllanStudy(
         part.source, part.rate, span, used.start, part.kind, rest, tuple(axes), models["gyro"], models["accel"],
         settings, tuple(dict.fromkeys(notes)),
     )  # fmt: skip
+
+
+def _constant(values: Array) -> bool:
+    there = np.isfinite(values)
+    low = np.min(values, where=there, initial=math.inf)
+    return not low < np.max(values, where=there, initial=-math.inf)
 
 
 def _check_settings(settings: StudySettings) -> None:
@@ -293,19 +172,20 @@ def _axis(record: StaticRecord, channel: Any, settings: StudySettings) -> AxisSt
             "from the start; --gaps split averages over the stretches between"
         )
     check = check_channel(values, record.rate)
+    try:
+        found, whole = identify_and_bridge(values, record.rate, settings.terms, settings.flicker_band)
+    except InputError as error:
+        raise InputError(f"{record.source}: {channel.name}: {error}") from error
     phases = phase_stretches(values, record.rate)
     curves = {
         kind: curve_of_phases(
-            phases, record.rate, kind, grid=settings.grid, level=settings.level, longest_s=settings.longest_s
+            phases, record.rate, kind, grid=settings.grid, level=settings.level, longest_s=settings.longest_s,
+            alpha=types_of_model(lambda tau: _random_part(found, tau)),
         )
         for kind in settings.kinds
-    }
-    whole = values[_longest_stretch(good)]
-    try:
-        found = identify(whole, record.rate, terms=settings.terms, flicker_band=settings.flicker_band)
-    except InputError as error:
-        raise InputError(f"{record.source}: {channel.name}: {error}") from error
-    seen = values[good]
+    }  # fmt: skip
+    del phases
+    seen = values[good] if missing else values
     return AxisStudy(
         channel.name,
         channel.sensor,
@@ -320,75 +200,11 @@ def _axis(record: StaticRecord, channel: Any, settings: StudySettings) -> AxisSt
     )
 
 
-def _longest_stretch(good: Array) -> slice:
-    edge = np.diff(good.astype(np.int8), prepend=0, append=0)
-    begin, end = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)
-    longest = int(np.argmax(end - begin))
-    return slice(int(begin[longest]), int(end[longest]))
-
-
-def _oddities(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> list[str]:
-    notes, check = [], axis.check
-    if axis.missing:
-        used = axis.identification.span
-        notes.append(
-            f"{source}: {name}: {axis.missing} samples are missing; the deviations average over the stretches between, "
-            f"the noise terms come from the longest one, {used:.6g} s"
-        )
-    if check.stuck is not None:
-        begin, end = check.stuck
-        notes.append(
-            f"{source}: {name} repeats one value {end - begin + 1} times, from {begin / record.rate:.6g} s: it "
-            f"was stuck there"
-        )
-    if check.saturated:
-        notes.append(f"{source}: {name}: {check.saturated} samples stand at the end of the range: it is saturated")
-    found = axis.identification
-    notes += [
-        f"{source}: {name}: {term.name} is uncertain by more than a quarter: the record of {found.span:.6g} s is "
-        f"shorter than the {term.least_span:.6g} s that it needs; it is not used for [imu]"
-        for term in found.terms
-        if found.too_short(term)
-    ]
-    if found.misfit > 0.0:
-        above = "" if math.isinf(found.highest) else f" above {found.highest:.3g} Hz and"
-        notes.append(
-            f"{source}: {name}: no sum of the terms fits the whole spectrum; what is{above} in "
-            f"{100.0 * found.left_out:.0f} % of "
-            f"the other bins is left out (vibration, lines, the edge of a filter), the rest is taken for good to "
-            f"{100.0 * found.misfit:.1f} %"
-        )
-    return notes
-
-
-def _turn_notes(axes: Sequence[AxisStudy], source: str) -> list[str]:
-    turn = math.hypot(*(axis.mean for axis in axes if axis.sensor == "gyro"))
-    if turn <= TURNS:
-        return []
-    return [
-        f"{source}: the gyros show {math.degrees(turn):.3g} deg/s on average: does it turn steadily, or is the unit "
-        "wrong? Few sensors have such a bias"
-    ]
-
-
-def _drift_notes(record: StaticRecord) -> list[str]:
-    notes = []
-    warm = record.temperature
-    if warm is not None and np.isfinite(warm).any():
-        span = float(np.nanmax(warm) - np.nanmin(warm))
-        if span > 1.0:
-            notes.append(
-                f"{record.source}: the temperature changes by {span:.3g} K along the record; what follows it is "
-                f"drift, not noise"
-            )
-    drifting = [c.name for c in record.channels if check_channel(c.values, record.rate).drifts]
-    if drifting:
-        notes.append(
-            f"{record.source}: {', '.join(drifting)}: a straight line explains most of the slow change, as in "
-            f"warm-up; K, R and "
-            "long averaging times tell of that more than of noise: let the sensor warm up, or cut the beginning"
-        )
-    return notes
+def _random_part(found: Identification, tau: Array) -> Array:
+    """Allan variance of the random terms of a fit, NaN at averaging times too short for it."""
+    names = [term.name for term in found.terms if term.present and term.name in (*RANDOM_TERMS, "GM")]
+    total = np.sum([np.zeros(tau.size), *(found.allan_variance(tau, name) for name in names)], axis=0)
+    return np.where((total > 0.0) & (tau * found.highest >= 1.0), total, np.nan)
 
 
 def _bias(axes: Sequence[AxisStudy], sensor: str, span: float, horizon: float) -> BiasModel | None:

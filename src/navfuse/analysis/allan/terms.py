@@ -26,9 +26,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfuse.core.constants import ALLAN_FLOOR
+
 Array = np.ndarray
 
-FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
+FLOOR = ALLAN_FLOOR
 """Allan deviation of flicker noise over its coefficient B: 0.664."""
 
 RANDOM_TERMS = ("Q", "N", "B", "K")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from navfuse.core.nearest import nearest
 from navfuse.core.printed_keys import numbers, shown
 from navfuse.errors import ConfigError
 
@@ -51,8 +51,8 @@ def to_fields(what: str, printed: Mapping[str, Any], units: Mapping[str, tuple[s
 def unknown_key(what: str, key: str, known: Iterable[str]) -> ConfigError:
     """The error that names the known key nearest to an unknown one."""
     known = list(known)
-    close = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
-    hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
+    close = nearest(key, known)
+    hint = f"did you mean {close!r}?" if close else f"known: {', '.join(known)}"
     return ConfigError(f"{what}: unknown key or unit {key!r}: {hint}")
 
 
