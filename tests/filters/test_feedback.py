@@ -11,6 +11,7 @@ from navfuse.aiding.base import AidingSensor
 from navfuse.aiding.check import check
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
 from navfuse.core.earth import radii
+from navfuse.core.unscented import triangularize
 from navfuse.data.logs import GnssLog
 from navfuse.data.nav_state import boxminus_navigation
 from navfuse.errors import ConfigError
@@ -21,6 +22,7 @@ from navfuse.filters.settings import FilterSettings
 from navfuse.filters.unscented import UnscentedFilter
 from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.increments import to_increments
+from navfuse.mechanization.sigma_points import covariance_of_root
 from navfuse.simulation import car_drive, simulate
 from navfuse.smoothers.rts import smooth
 from reference.engine_runs import MEMS, assert_same_record, cut, perfect_increments, start_at
@@ -42,10 +44,11 @@ class NineStates(UnscentedFilter):
         since = self.time - (0.0 if self.noise_until is None else self.noise_until)
         self.noise_until = self.time
 
-        def wander(P):
-            P[range(3), range(3)] += WALK**2 * since
-
-        self._enlarge(wander)
+        columns = np.zeros((9, 12))
+        columns[:, :9] = self.root
+        columns[:3, 9:] = WALK * np.sqrt(since) * np.eye(3)
+        triangularize(columns, 12, self.root)
+        covariance_of_root(self._acc, self.P)
         return super()._use(sensor, k, limit)
 
 
