@@ -229,8 +229,8 @@ def test_wrong_names_are_found_before_the_logs_are_read(tmp_path, names, message
 
 
 def test_default_are_all_known_estimators(flight, monkeypatch):
-    monkeypatch.delitem(FILTERS, "broken")
-    monkeypatch.delitem(FILTERS, "chatty")
+    for name in set(FILTERS) - {"ekf", "ukf"}:
+        monkeypatch.delitem(FILTERS, name)
     assert compare_filters(flight / "project.toml").estimators == ("ekf", "ukf")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from navfuse.aiding.base import AidingSensor
 from navfuse.aiding.check import check
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
 from navfuse.core.earth import radii
+from navfuse.core.unscented import triangularize
 from navfuse.data.logs import GnssLog
 from navfuse.data.nav_state import boxminus_navigation
 from navfuse.errors import ConfigError
@@ -19,6 +22,7 @@ from navfuse.filters.settings import FilterSettings
 from navfuse.filters.unscented import UnscentedFilter
 from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.increments import to_increments
+from navfuse.mechanization.sigma_points import covariance_of_root
 from navfuse.simulation import car_drive, simulate
 from navfuse.smoothers.rts import smooth
 from reference.engine_runs import MEMS, assert_same_record, cut, perfect_increments, start_at
@@ -40,10 +44,11 @@ class NineStates(UnscentedFilter):
         since = self.time - (0.0 if self.noise_until is None else self.noise_until)
         self.noise_until = self.time
 
-        def wander(P):
-            P[range(3), range(3)] += WALK**2 * since
-
-        self._enlarge(wander)
+        columns = np.zeros((9, 12))
+        columns[:, :9] = self.root
+        columns[:3, 9:] = WALK * np.sqrt(since) * np.eye(3)
+        triangularize(columns, 12, self.root)
+        covariance_of_root(self._acc, self.P)
         return super()._use(sensor, k, limit)
 
 
@@ -166,7 +171,7 @@ def test_pieces_give_the_same_bits(drive):
     for cuts in ([], [33, 1004, 2000]):
         filter_ = FeedbackFilter(start, MEMS, [GnssPosition(logs.gnss, LEVER)])
         edges = [0, *cuts, len(increments)]
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in pairwise(edges):
             filter_.feed(cut(increments, first, last))
         runs.append(filter_.record)
     assert_same_record(*runs)
@@ -265,6 +270,14 @@ def test_a_sensor_without_bias_is_no_full_state(drive, sensor):
     logs, start, _ = drive
     with pytest.raises(ConfigError, match=f"but {sensor}_bias_sd is 0"):
         feedforward_filter(start, MEMS.replace(**{f"{sensor}_bias_sd": 0.0}), [GnssPosition(logs.gnss)])
+
+
+def test_the_accelerometer_that_points_down_may_be_biased_by_its_scale_factor(drive):
+    logs, start, _ = drive
+    filter_ = feedforward_filter(start, MEMS, [GnssPosition(logs.gnss)])
+    bias, scale = MEMS.axes("accel_bias_sd"), MEMS.axes("accel_scale_sd")
+    expected = [bias[0], bias[1], np.hypot(bias[2], 9.80665 * scale[2])]
+    np.testing.assert_allclose(np.sqrt(np.diagonal(filter_.P)[filter_.layout.slice("accel_bias")]), expected)
 
 
 def test_a_drifting_position_tells_what_the_sensor_inside_tells(drive):

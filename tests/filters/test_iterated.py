@@ -13,6 +13,7 @@ from navfuse.data.nav_state import NavState, boxminus_navigation
 from navfuse.data.start import Start
 from navfuse.errors import ConfigError
 from navfuse.filters.ekf import ErrorStateFilter
+from navfuse.filters.event import parts
 from navfuse.filters.iterated import IteratedFilter, error_derivative
 from navfuse.filters.kinds import FILTERS
 from navfuse.filters.settings import FilterSettings
@@ -271,3 +272,16 @@ def test_a_drive_and_its_smoother_agree_with_the_extended_filter():
 def test_an_open_loop_is_refused():
     with pytest.raises(ConfigError, match='feedback = "closed"'):
         IteratedFilter(start_of([1.0] * 3, [1.0] * 3, [0.1] * 3), MEMS, [], FilterSettings(open_loop=True))
+
+
+@pytest.mark.parametrize("kind", ["ekf", "iekf", "ukf"])
+def test_after_a_reset_a_smoother_gets_the_numbers_of_the_update(kind):
+    """The record tells by what the measurement was judged; what was used has to fit together."""
+    start, _, _, sensor = near_beacons(False)
+    sensor.distances = sensor.distances + 40.0
+    settings = FilterSettings(gate_probability=0.99, reset_count=1, reset_s=0.0, checkpoints=True, iterations=30)
+    run = fed_to(0.5, FILTERS[kind](start, BIASED, [sensor], settings))
+    update = run.record.innovations[0]
+    assert update.status == "reset"
+    z, _, _, _, K, dx = parts(update.numbers, 3, 15)
+    np.testing.assert_allclose(K @ z, dx, rtol=1e-6, atol=1e-9)

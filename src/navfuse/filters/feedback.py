@@ -34,6 +34,8 @@ TURN_RATE = 0.1
 """Rate [rad/s] at which a scale-factor error of the gyros is counted."""
 WALKED_S = 3600.0
 """Time [s] over which a bias that walks is counted."""
+UNSEEN_S = 60.0
+"""Time [s] for which a vehicle may keep its velocity, so that nothing is seen of its heading."""
 
 
 class DriftingPosition(AidingSensor):
@@ -135,8 +137,8 @@ class FeedbackFilter(UnscentedFilter):
 
     Notes
     -----
-    Feeding back is the linear map ``p <- p - e, e <- 0`` of estimate and errors; the root of the covariance is mapped in
-    the same way, so that what is known of the position stays, and e is what has gone wrong since: exactly nothing at
+    Feeding back is the linear map ``p <- p - e, e <- 0`` of estimate and errors; the root of the covariance is mapped
+    in the same way, so that what is known of the position stays, and e is what has gone wrong since: exactly nothing at
     first. So the filter is the same as one of nine states whose position wanders with the density of e.
     """
 
@@ -269,8 +271,9 @@ def tuning(model: ImuErrorModel, position: AidingSensor) -> tuple[ImuErrorModel,
     Half of that covers what a drift b_g of the gyros leaves, b_g sqrt(q_a / q_g) / g, for the first term of q_g; with
     the second alone the variance is that of the tilt b / g which an accelerometer bias is taken for:
 
-        q_g = (2 b_g^2 sqrt(q_a) / g)^(2/3) + b^4 / (g^2 q_a)
+        q_g = (2 b_g^2 sqrt(q_a) / g)^(2/3) + b^4 / (g^2 q_a) + b_g^2 UNSEEN_S
 
+    The last term is what a heading drifts by while nothing is seen of it.
     Scale-factor and cross-coupling errors count as biases at one g and TURN_RATE, walks over WALKED_S.
     """
     g = STANDARD_GRAVITY
@@ -279,7 +282,7 @@ def tuning(model: ImuErrorModel, position: AidingSensor) -> tuple[ImuErrorModel,
     T, sigma = _fixes(position)
     q_a = (4.0 * np.sqrt(2.0) / 3.0 * b**2) ** 0.8 * (sigma**2 * T) ** 0.2
     total = model.vrw**2 + q_a
-    q_g = (2.0 * b_g**2 * np.sqrt(total) / g) ** (2.0 / 3.0)
+    q_g = (2.0 * b_g**2 * np.sqrt(total) / g) ** (2.0 / 3.0) + b_g**2 * UNSEEN_S
     if b > 0.0:
         q_g += b**4 / (g**2 * total)
     drift = np.hypot(0.5 * b * T**2, g * b_g * T**3 / 6.0)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from navfuse.aiding.base import AidingSensor
+from navfuse.core.constants import STANDARD_GRAVITY
 from navfuse.data.start import Start
 from navfuse.errors import ConfigError
 from navfuse.filters.feedback import POSITION_SENSOR, named
@@ -26,7 +27,8 @@ def feedforward_filter(
     """An unscented filter of the whole state ``[L, lambda, h, roll, pitch, heading, v_N, v_E, v_D, b_a, b_g]``.
 
     GNSS position and, where there is one, velocity are observed; other sensors are left out, and so are the scale
-    factors and cross-couplings of the error model.
+    factors and cross-couplings of the error model. The bias of the accelerometer that points down has to stand for what
+    its scale factor makes of gravity, and may be larger by that.
 
     Raises
     ------
@@ -41,4 +43,7 @@ def feedforward_filter(
                 f'the estimator "ukf-feedforward-15" estimates the biases of both sensors, but {sensor}_bias_sd is 0; '
                 'give it, or take estimator = "ukf", which has the states that the error model has'
             )
-    return UnscentedFilter(start, model, [sensor for sensor in sensors if sensor.name in OBSERVED], settings)
+    down = imu_model.axes("accel_bias_sd")
+    down[2] = np.hypot(down[2], imu_model.axes("accel_scale_sd")[2] * STANDARD_GRAVITY)
+    used = [sensor for sensor in sensors if sensor.name in OBSERVED]
+    return UnscentedFilter(start, model.replace(accel_bias_sd=down), used, settings)
