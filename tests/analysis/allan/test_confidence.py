@@ -160,5 +160,6 @@ def test_intervals_cover_the_truth_as_often_as_they_say(kind, noise):
 @pytest.mark.parametrize("kind", ["oadev", "ohdev", "mdev", "adev", "hdev", "totdev"])
 @pytest.mark.parametrize("noise", NOISES)
 def test_intervals_cover_the_truth_in_many_records(kind, noise, given):
-    factors = np.array([2, 8, 20, 32, 64, 90, 125, 181, 256, 300, 400])
+    # Below eight samples the deviation of simulated flicker, whose samples are not averages, is not that of flicker.
+    factors = np.array([*([2] if noise != -1 else []), 8, 20, 32, 64, 90, 125, 181, 256, 300, 400])
     check_coverage(kind, noise, noise if given else "auto", 1500, 1000, factors)
