@@ -29,7 +29,7 @@ from navfuse.data.result import Result
 from navfuse.data.start import Known
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import AlignmentError, ConfigError, FilterError, NavfuseWarning
-from navfuse.filters.ekf import ErrorStateFilter
+from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.kinds import FILTERS
 from navfuse.filters.record import FilterRecord, collect
 from navfuse.filters.settings import FilterSettings
@@ -305,7 +305,7 @@ class Run:
     """What a filter, and a smoother, made of a stretch."""
 
     alignment: Alignment
-    filter: ErrorStateFilter
+    filter: NavigationFilter
     smoothed: SmoothedRun | None
 
 
@@ -316,7 +316,7 @@ def as_project(config: Project | Mapping[str, Any] | str | os.PathLike[str]) -> 
     return Project.from_dict(config) if isinstance(config, Mapping) else load_project(config)
 
 
-def builder_of(estimator: str) -> Callable[..., ErrorStateFilter]:
+def builder_of(estimator: str) -> Callable[..., NavigationFilter]:
     """What builds the filter of a name.
 
     Raises
@@ -417,7 +417,7 @@ def _align_piece(
 def run_stretch(
     stretch: Stretch,
     model: ImuErrorModel,
-    build: Callable[..., ErrorStateFilter],
+    build: Callable[..., NavigationFilter],
     smoothing: bool,
     clock: Clock,
     tell: Progress,

@@ -13,25 +13,20 @@ from scipy.spatial.transform import Rotation
 
 from navfuse.core.unscented import SigmaSpread
 from navfuse.data.nav_state import boxplus_navigation, to_ecef
-from navfuse.mechanization import sigma_points
-from navfuse.mechanization.error_dynamics import ACC_TIME, imu_state_map
-from navfuse.mechanization.propagate import Propagator, identity_transition
-from navfuse.mechanization.sigma_points import (
-    BEGUN,
-    DCM,
-    FORCE,
-    GONE,
-    UnscentedPropagator,
+from navfuse.mechanization import arc_errors, sigma_points
+from navfuse.mechanization.arc_errors import (
     correction_turn,
     down_axis,
     draw_points,
-    points_of,
     retract,
-    settle,
     turn_gone,
     turned,
     untwist,
 )
+from navfuse.mechanization.error_dynamics import ACC_TIME, imu_state_map
+from navfuse.mechanization.point_tiles import load_points, tile_numbers
+from navfuse.mechanization.propagate import Propagator, identity_transition
+from navfuse.mechanization.sigma_points import BEGUN, DCM, FORCE, GONE, UnscentedPropagator, points_of, settle
 from navfuse.simulation import car_drive, circle_flight
 from reference.engine_runs import cut, nav_at, perfect_increments
 from reference.error_runs import (
@@ -69,6 +64,12 @@ OF_SPREADS = pytest.mark.parametrize("name", SPREADS)
 
 def there(ecef):
     return to_ecef(NAV) if ecef else NAV.copy()
+
+
+def in_tiles(X):
+    tiles = np.zeros(tile_numbers(len(X)))
+    load_points(X, tiles)
+    return tiles
 
 
 def make(names, ecef, period=0.0, noise=(0.0, 0.0), stochastic=None, output=-1.0, spread=SigmaSpread):
@@ -122,8 +123,8 @@ def test_a_heading_and_then_a_tilt_is_the_product_of_the_two_rotations(y, t, whe
     assert np.abs(untwisted - d).max() < 4e-8
 
 
-@pytest.mark.parametrize("y", [0.02, 0.1, sigma_points.SMALL_TURN])
-@pytest.mark.parametrize("t", [1e-4, sigma_points.SMALL_TILT])
+@pytest.mark.parametrize("y", [0.02, 0.1, arc_errors.SMALL_TURN])
+@pytest.mark.parametrize("t", [1e-4, arc_errors.SMALL_TILT])
 @pytest.mark.parametrize("step", [1.0 - 1e-9, 1.0 + 1e-9], ids=["series", "quaternions"])
 def test_the_series_meets_the_quaternions_where_they_change_over(y, t, step):
     d = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, step * t, 0.0, step * y])
@@ -162,7 +163,7 @@ def test_points_are_drawn_where_their_deviations_say(level, heading, ecef):
     X, A = np.empty((2 * n + 1, n + 1)), np.empty((n, 2 * n + 1))
     draw_points(nav, s, GONE_THERE, S, np.zeros(n), 1.7, ecef, X)
     np.testing.assert_array_equal(X[0], np.concatenate([nav, s]))
-    sigma_points._deviations(X, np.concatenate([nav, s]), GONE_THERE, ecef, A)
+    sigma_points._deviations(X, in_tiles(X), np.concatenate([nav, s]), GONE_THERE, ecef, A)
     expected = np.hstack([1.7 * S, -1.7 * S, np.zeros((n, 1))])
     # Four parts in 1e8 of a turn times a lever of 85 m, and the rounding of an Earth-centred position.
     bounds = np.repeat([4e-6, 1e-6, 5e-8, 1e-12], [3, 3, 3, n - 9])
@@ -472,7 +473,7 @@ def test_the_mean_of_points_is_found_however_wide_their_headings(ecef):
         X, A = np.empty((2 * n + 1, n + 1)), np.empty((n, 2 * n + 1))
         draw_points(nav, s, GONE_THERE, S, np.zeros(n), spread.distance, ecef, X)
         reference, shift = np.empty(n + 1), np.empty(n)
-        sigma_points._mean_of_points(X, spread.weights()[1], np.zeros(6), ecef, reference, shift, A)
+        sigma_points._mean_of_points(X, in_tiles(X), spread.weights()[1], np.zeros(6), ecef, reference, shift, A)
         w = spread.weights()[1]
         mean = w * A[:, : 2 * n].sum(axis=1) + (1.0 - 2 * n * w) * A[:, 2 * n]
         assert np.abs(mean[:3]).max() < 1e-5, wide

@@ -23,23 +23,25 @@ from navfuse.filters.event import parts, room
 from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.settings import FilterSettings
 from navfuse.imu.increments import ImuIncrements
+from navfuse.mechanization.arc_errors import (
+    correction_turn,
+    down_axis,
+    draw_points,
+    plain_columns,
+    plain_rows,
+    retract,
+    turned,
+)
 from navfuse.mechanization.error_dynamics import ACC_TIME
 from navfuse.mechanization.sigma_points import (
     BEGUN,
     GONE,
     ROOT,
     UnscentedPropagator,
-    correction_turn,
     covariance_of_root,
-    down_axis,
-    draw_points,
-    plain_columns,
-    plain_rows,
     points_of,
     relax,
-    retract,
     settle,
-    turned,
 )
 
 Array = np.ndarray
@@ -106,7 +108,7 @@ def update_at_points(S, root, delta, z0, L, before, held, weights, numbers, A):
 def commit(carried, rates, acc, offsets, ecef, numbers, d, A):
     """Take an update for good: correct the estimate, and turn what belongs to its attitude.
 
-    The attitude error that is left is turned by :func:`navfuse.mechanization.sigma_points.correction_turn`. For the
+    The attitude error that is left is turned by :func:`navfuse.mechanization.arc_errors.correction_turn`. For the
     smoother the numbers are changed to plain errors, and the last TURN of them receive what the correction did to these
     (9, 3): the attitude error turns, and takes what was integrated, which has been turned too. No checks are made.
     """

@@ -118,7 +118,7 @@ def store_points(tiles, X):
 
 @fused
 def draw_tiles(nav, gone, S, distance, u, ecef, tiles):
-    """:func:`navfuse.mechanization.sigma_points.draw_points` of the navigation states, into tiles.
+    """:func:`navfuse.mechanization.arc_errors.draw_points` of the navigation states, into tiles.
 
     Returns
     -------
