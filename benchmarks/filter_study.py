@@ -133,15 +133,11 @@ def _rms(values: np.ndarray) -> np.ndarray:
 
 def _rmse(error: np.ndarray) -> dict[str, float]:
     """Over runs and epochs; `error` (runs, epochs, n) in SI units."""
-    parts = {
-        "position_m": (0, 3, 1.0),
-        "velocity_mps": (3, 6, 1.0),
-        "level_deg": (6, 8, 57.2957795),
-        "heading_deg": (8, 9, 57.2957795),
-    }
-    return {
-        name: k * float(np.sqrt(np.mean(np.sum(error[:, :, a:b] ** 2, axis=2)))) for name, (a, b, k) in parts.items()
-    }
+    found = {}
+    for name, first, last in (("position_m", 0, 3), ("velocity_mps", 3, 6), ("level_deg", 6, 8), ("heading_deg", 8, 9)):
+        rms = np.sqrt(np.mean(np.sum(error[:, :, first:last] ** 2, axis=2)))
+        found[name] = float(np.degrees(rms) if name.endswith("_deg") else rms)
+    return found
 
 
 def _count(runs: list[RunRecord], status: str) -> int:
@@ -156,7 +152,7 @@ def _curve(values: np.ndarray) -> list[float]:
 
 def report(results: dict[str, dict[str, Any]], console: Console | None = None) -> None:
     """Print a table for each case."""
-    console = console or Console(width=150)
+    console = console or Console(width=170)
     for name, of_case in results.items():
         table = Table(title=f"{name}: {CASES[name].title}")
         columns = (
