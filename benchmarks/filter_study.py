@@ -37,7 +37,19 @@ WITHIN = 60.0
 GROUPS = ("position", "velocity", "attitude", "gyro_bias", "accel_bias", "whole state")
 CURVE = 300
 """Points of a saved curve at most."""
-REPEATS = 3
+REPEATS = 2
+COLUMNS = (
+    "runs",
+    "position m",
+    "velocity m/s",
+    "level deg",
+    "heading deg",
+    "NEES whole",
+    "attitude",
+    "biases",
+    "rejected, resets",
+    "us",
+)
 
 
 def study(name: str, estimator: str, runs: int, jobs: int = 1) -> dict[str, Any]:
@@ -155,18 +167,8 @@ def report(results: dict[str, dict[str, Any]], console: Console | None = None) -
     console = console or Console(width=170)
     for name, of_case in results.items():
         table = Table(title=f"{name}: {CASES[name].title}")
-        columns = (
-            "",
-            "runs",
-            "position m",
-            "velocity m/s",
-            "level deg",
-            "heading deg",
-            "NEES whole",
-            "attitude",
-            "biases",
-        )
-        for column in (*columns, "rejected, resets", "us"):
+        table.add_column()
+        for column in COLUMNS:
             table.add_column(column)
         for estimator, found in of_case.items():
             if not found["runs"]:
@@ -187,8 +189,8 @@ def report(results: dict[str, dict[str, Any]], console: Console | None = None) -
         for estimator, found in of_case.items():
             if "found" in found:
                 console.print(
-                    f"  {estimator}: heading within {FOUND:g} deg {WITHIN:g} s after driving begins in {found['found']} "
-                    f"of {found['runs']} runs; for good after {found['median_s']} s (median), {found['slowest_s']} s "
+                    f"  {estimator}: heading within {FOUND:g} deg {WITHIN:g} s after driving begins in "
+                    f"{found['found']} of {found['runs']} runs; for good after {found['median_s']} s (median), {found['slowest_s']} s "
                     "(slowest)"
                 )
             if "outage_rms" in found:

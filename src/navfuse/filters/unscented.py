@@ -28,6 +28,7 @@ from navfuse.mechanization.sigma_points import (
     plain_columns,
     plain_rows,
     relax,
+    relax_vertical,
     retract,
     settle,
     turned,
@@ -41,7 +42,7 @@ LINEAR_SHARE = 1e-3
 SETTLED = 0.05
 """Change of the correction, in standard deviations of the posterior, at which the iterations end."""
 NARROW = np.radians(3.0)
-"""Standard deviation of the attitude from which on errors are plain again."""
+"""Standard deviation of the attitude from which on errors are plain again; until then only those along the vertical."""
 
 
 @fused
@@ -240,7 +241,11 @@ class UnscentedFilter(NavigationFilter):
             delta, z0 = self._predictions(sensor, k, before, root)
             d = z0.size
             if k_iteration == 0:
-                numbers, A, L = np.empty(room(d, n) + TURN), np.empty((n, 3 * n + 1 + d)), self._noise_root(sensor, k, d)
+                numbers, A, L = (
+                    np.empty(room(d, n) + TURN),
+                    np.empty((n, 3 * n + 1 + d)),
+                    self._noise_root(sensor, k, d),
+                )
                 most = -1.0 if limit is None else limit(d)
             nis, share = update_at_points(
                 S, root, delta, z0, L, before, self._hold.direction, self._weights, numbers, A
@@ -283,6 +288,8 @@ class UnscentedFilter(NavigationFilter):
             self._drop_correlations()
         elif float(np.max(np.diagonal(self.P)[6:9])) < NARROW**2:
             relax(self._acc, np.empty(self.P.shape))
+        else:
+            relax_vertical(self._carried[:10], self._acc, self.settings.ecef, np.empty(self.P.shape))
 
     def _uncorrelate(self) -> None:
         """Nothing before a measurement: points around the compass know what a heading does to it."""

@@ -24,7 +24,8 @@ u. So an error of heading leaves alone what is known of the level relative to th
 the propagation all but linear for attitude errors of any size, and leaves the arc to the measurement, where
 :class:`navfuse.filters.unscented.UnscentedFilter` iterates. To first order it is a linear change of coordinates, so
 that in normal use nothing else changes; the covariance that is put out is that of the plain errors. The filter settles,
-with Du = Dw = 0, as soon as the attitude is known well enough. See docs/decisions/0011.
+with Du = Dw = 0, as soon as the attitude is known well enough; their vertical parts, which a heading leaves as they
+are, it drops at every event. See docs/decisions/0011.
 """
 
 from __future__ import annotations
@@ -418,6 +419,31 @@ def relax(acc, A):
     triangularize(A, n, S)
     for i in range(GONE, BEGUN):
         acc[i] = 0.0
+
+
+@fused
+def relax_vertical(nav, acc, ecef, A):
+    """The same for the vertical parts of Dw and Du alone. A is a (n, n) work space. No checks are made.
+
+    A heading leaves them as they are. They are mostly gravity, g tau and g tau^2 / 2, so that at rest a tilt t and a
+    heading y, known to half a degree and 20 deg, stand for y t g tau^2 / 2 = 6 m after 20 s: on an arc, if y was there
+    all the time, but not if a gyro bias has made it since.
+    """
+    n = A.shape[0]
+    gone = acc[GONE:BEGUN]
+    u = down_axis(nav, ecef)
+    vertical = np.empty(6)
+    for part in range(0, 6, 3):
+        along = gone[part] * u[0] + gone[part + 1] * u[1] + gone[part + 2] * u[2]
+        for i in range(3):
+            vertical[part + i] = along * u[i]
+            gone[part + i] -= along * u[i]
+    S = acc[ROOT : ROOT + n * n].reshape((n, n))
+    for i in range(n):
+        for j in range(n):
+            A[i, j] = S[i, j]
+    plain_rows(vertical, A)
+    triangularize(A, n, S)
 
 
 @fused
