@@ -209,6 +209,9 @@ _MOWN = (
 """Two minutes of the mower, with a sensor better than its own, so that the ranges are what is difficult."""
 
 
+_STILL = (("", "duration_s", 20.0), ("gnss", "position_correlated_sd_m", 0.0))
+
+
 def _outage(seconds: float) -> Study:
     begin, until = 300.0, 300.0 + seconds
     drive = (("motion", "duration_s", 120.0 + until),)
@@ -240,6 +243,7 @@ CASES = {
     "outage-60": _outage(60.0),
     "outage-300": _outage(300.0),
     "consumer": Study("a consumer sensor in a car", "city-car", (("imu", "grade", "consumer"),), runs=20),
+    "at-rest": Study("a gyro bias of 1 deg/s at rest", "lawnmower", _STILL, judged=(15.0, math.inf)),
     "dense": Study("100 fixes a second, start known to 0.5 deg", "aircraft-300s", _ROUGH, runs=8),
     "dense-industrial": Study("the same with an industrial sensor", "aircraft-300s", (*_ROUGH, *_INDUSTRIAL), runs=8),
     "ranges": _ranges(5.0, with_ranges, "four ranges at once"),

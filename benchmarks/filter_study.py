@@ -188,10 +188,10 @@ def report(results: dict[str, dict[str, Any]], console: Console | None = None) -
         console.print(table)
         for estimator, found in of_case.items():
             if "found" in found:
+                first = f"  {estimator}: heading within {FOUND:g} deg {WITHIN:g} s after driving begins in"
                 console.print(
-                    f"  {estimator}: heading within {FOUND:g} deg {WITHIN:g} s after driving begins in "
-                    f"{found['found']} of {found['runs']} runs; for good after {found['median_s']} s (median), {found['slowest_s']} s "
-                    "(slowest)"
+                    f"{first} {found['found']} of {found['runs']} runs; for good after {found['median_s']} s (median), "
+                    f"{found['slowest_s']} s (slowest)"
                 )
             if "outage_rms" in found:
                 console.print(
