@@ -29,8 +29,8 @@ from navfuse.data.result import Result
 from navfuse.data.start import Known
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import AlignmentError, ConfigError, FilterError, NavfuseWarning
-from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.kinds import FILTERS
+from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.record import FilterRecord, collect
 from navfuse.filters.settings import FilterSettings
 from navfuse.imu.alignment import Alignment, align

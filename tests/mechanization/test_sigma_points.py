@@ -26,7 +26,18 @@ from navfuse.mechanization.arc_errors import (
 from navfuse.mechanization.error_dynamics import ACC_TIME, imu_state_map
 from navfuse.mechanization.point_tiles import load_points, tile_numbers
 from navfuse.mechanization.propagate import Propagator, identity_transition
-from navfuse.mechanization.sigma_points import BEGUN, DCM, FORCE, GONE, UnscentedPropagator, points_of, settle
+from navfuse.mechanization.sigma_points import (
+    BEGUN,
+    DCM,
+    FORCE,
+    GONE,
+    ROOT,
+    UnscentedPropagator,
+    covariance_of_root,
+    points_of,
+    relax_vertical,
+    settle,
+)
 from navfuse.simulation import car_drive, circle_flight
 from reference.engine_runs import cut, nav_at, perfect_increments
 from reference.error_runs import (
@@ -458,6 +469,30 @@ def test_settling_gives_the_moments_of_the_arc(wide, ecef):
     ratio = np.sqrt(np.diagonal(P))[:6] / sd[:6]
     assert np.all(ratio > (0.98 if wide < 0.5 else 0.8))
     assert np.all(ratio < (1.02 if wide < 0.1 else 1.6 if wide < 0.5 else 2.0))
+
+
+@FRAMES
+def test_letting_go_of_the_vertical_leaves_the_covariance(ecef):
+    n, rng = 15, np.random.default_rng(3)
+    nav = NAV.copy()
+    gone = GONE_THERE.copy()
+    if ecef:
+        nav = np.array(to_ecef(NAV))
+    acc = np.zeros(ROOT + n * n + (2 * n + 1) * (n + 1))
+    acc[GONE:BEGUN] = gone
+    root, _ = points_of(acc, n)
+    root[:] = np.tril(rng.standard_normal((n, n))) * 0.1
+    before, after = np.empty((n, n)), np.empty((n, n))
+    covariance_of_root(acc, before)
+    relax_vertical(nav, acc, ecef, np.empty((n, n)))
+    covariance_of_root(acc, after)
+    np.testing.assert_allclose(after, before, rtol=1e-9, atol=1e-9)
+    u = np.array(down_axis(nav, ecef))
+    for part in (slice(0, 3), slice(3, 6)):
+        kept, was = acc[GONE:BEGUN][part], gone[part]
+        assert kept @ u == pytest.approx(0.0, abs=1e-12)
+        np.testing.assert_allclose(kept, was - u * (u @ was), atol=1e-12)
+    assert np.array_equal(root, np.tril(root))
 
 
 @FRAMES

@@ -41,6 +41,7 @@ from navfuse.mechanization.sigma_points import (
     covariance_of_root,
     points_of,
     relax,
+    relax_vertical,
     settle,
 )
 
@@ -354,14 +355,15 @@ class UnscentedFilter(NavigationFilter):
             self._drop_correlations()
         elif self._is_straight():
             relax(self._acc, np.empty(self.P.shape))
+        else:
+            relax_vertical(self._carried[:10], self._acc, self.settings.ecef, np.empty(self.P.shape))
         if float(np.max(np.diagonal(self.P)[6:9])) > 1.0:
             self._narrow()
 
     def _is_straight(self) -> bool:
         """Whether the arc on which a wrong heading takes the velocity since the last settling is as good as straight.
 
-        To stay unsettled has its price. A product of heading and level errors is seen by none of the points, it grows
-        with the time that gravity has been integrated, and it makes the filter believe it learned a heading at rest.
+        To stay unsettled has its price: products of heading and level errors are seen by none of the points.
         """
         down, Du = np.array(down_axis(self.nav, self.settings.ecef)), self._acc[GONE + 3 : BEGUN]
         level = Du - (down @ Du) * down

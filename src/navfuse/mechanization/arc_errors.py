@@ -12,7 +12,8 @@ u. So an error of heading leaves alone what is known of the level relative to th
 the propagation all but linear for attitude errors of any size, and leaves the arc to the measurement, where
 :class:`navfuse.filters.unscented.UnscentedFilter` iterates. To first order it is a linear change of coordinates, so
 that in normal use nothing else changes; the covariance that is put out is that of the plain errors. The filter settles,
-with Du = Dw = 0, after every event at which the arc is as good as straight. See docs/decisions/0011.
+with Du = Dw = 0, after every event behind which the arc is as good as straight; their vertical parts, which a heading
+leaves as they are, it drops at every event. See docs/decisions/0011.
 """
 
 from __future__ import annotations

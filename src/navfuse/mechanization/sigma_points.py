@@ -306,6 +306,31 @@ def relax(acc, A):
 
 
 @fused
+def relax_vertical(nav, acc, ecef, A):
+    """The same for the vertical parts of Dw and Du alone. A is a (n, n) work space. No checks are made.
+
+    A heading leaves them as they are. They are mostly gravity, g tau and g tau^2 / 2, so that at rest a tilt t and a
+    heading y, known to half a degree and 20 deg, stand for y t g tau^2 / 2 = 6 m after 20 s: on an arc, if y was there
+    all the time, but not if a gyro bias has made it since.
+    """
+    n = A.shape[0]
+    gone = acc[GONE:BEGUN]
+    u = down_axis(nav, ecef)
+    vertical = np.empty(6)
+    for part in range(0, 6, 3):
+        along = gone[part] * u[0] + gone[part + 1] * u[1] + gone[part + 2] * u[2]
+        for i in range(3):
+            vertical[part + i] = along * u[i]
+            gone[part + i] -= along * u[i]
+    S = acc[ROOT : ROOT + n * n].reshape((n, n))
+    for i in range(n):
+        for j in range(n):
+            A[i, j] = S[i, j]
+    plain_rows(vertical, A)
+    triangularize(A, n, S)
+
+
+@fused
 def settle(carried, acc, weights, ecef, X, A):
     """Begin to integrate anew: Dw = Du = 0. The sigma points X, whose deviations from their mean are now plain, give
     the new estimate and root; A is a (n, 2 n + 1) work space. No checks are made.
