@@ -107,6 +107,19 @@ class Identification:
             total += allan_variance(term.name, tau, values, self.flicker)
         return total
 
+    def relative_error(self, tau: Array) -> Array:
+        """Relative one sigma of the Allan variance of the fitted model, from the standard deviations of its terms."""
+        total = self.allan_variance(tau)
+        slopes, order = np.zeros((len(self.parameters), np.size(tau))), list(self.parameters)
+        for name in (name for name in order if name != "GM_tau"):
+            term = self.term(name)
+            slopes[order.index(name)] = 2.0 * term.sigma / term.value * self.allan_variance(tau, name) / total
+        square = np.einsum("it,ij,jt->t", slopes, self.correlation, slopes)
+        ramp = [term for term in self.terms if term.name == "R" and term.present]
+        for term in ramp:
+            square += (2.0 * term.sigma / term.value * self.allan_variance(tau, "R") / total) ** 2
+        return np.sqrt(square)
+
 
 def identify(
     values: Array,
@@ -241,8 +254,7 @@ def _contradicted(found: Identification, curve: DeviationCurve) -> set[str]:
     """
     random = [term.name for term in found.terms if term.present and term.name in (*RANDOM_TERMS, "GM")]
     parts = np.array([found.allan_variance(curve.tau, name) for name in random])
-    samples = round(found.span / found.spectrum.dt)
-    below = probability_below(curve, parts.sum(axis=0), samples, found.misfit)
+    below = probability_below(curve, parts.sum(axis=0), found.misfit)
     at = too_large_at(curve, below, 1.0 / found.highest)
     return set() if at is None else {random[int(np.argmax(parts[:, at]))]}
 

@@ -67,7 +67,9 @@ def _of_curve(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> 
     if kind not in ALLAN_KINDS or curve.tau.size < 3 or not any(term.present for term in found.terms):
         return []
     model = found.allan_variance(curve.tau)
-    below = probability_below(curve, model, round(found.span * record.rate), found.misfit)
+    # A model of the whole record follows its curve; one of a part of it may be off by what its terms are uncertain of.
+    part = found.span * record.rate < record.channels[0].values.size - 0.5
+    below = probability_below(curve, model, found.misfit, found.relative_error(curve.tau) if part else 0.0)
     return [
         f"{source}: {name}: the fitted model is {one.ratio:.2f} times the measured deviation between {one.begin:.4g} "
         f"and {one.end:.4g} s; chance does that in {_percent(one.probability)} of records with these noise terms, so "
