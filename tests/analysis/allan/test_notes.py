@@ -9,7 +9,6 @@ import pytest
 
 from navfuse.analysis.allan import StudySettings, study
 from navfuse.io.static_record import Channel, StaticRecord
-from tests.analysis.allan.test_study import still
 
 RATE = 100.0
 

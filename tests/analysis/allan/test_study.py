@@ -309,13 +309,15 @@ def test_turn_on_makes_a_walk():
     assert np.median(plain.axes("gyro_bias_sd")) == pytest.approx(1e-4, rel=0.25)
     assert math.isinf(started.gyro_bias_tau)
     assert started.axes("gyro_bias_sd") == pytest.approx(np.hypot(1e-2, plain.axes("gyro_bias_sd")))
+    assert found.gyro is not None
+    assert started.axes("gyro_bias_walk") == pytest.approx(found.gyro.free_walk)
     drive = plain.axes("gyro_bias_sd") * (2.0 / plain.gyro_bias_tau) ** 0.5
-    assert started.axes("gyro_bias_walk") == pytest.approx(drive)
+    assert np.all(started.axes("gyro_bias_walk") < drive)
     assert any("gyro_bias_sd: left to the grade" in text for text in remarks(found))
     assert not any("gyro_bias_sd: left to the grade" in text for text in remarks(found, (1e-2, None)))
     left, fields = filter_settings(found)
     assert fields[:2] == ["arw", "gyro_bias_walk"]
-    assert left.axes("gyro_bias_walk") == pytest.approx(drive)
+    assert left.axes("gyro_bias_walk") == pytest.approx(found.gyro.free_walk)
     known, fields = filter_settings(found, 1e-2)
     assert fields[:4] == ["arw", "gyro_bias_sd", "gyro_bias_tau", "gyro_bias_walk"]
     assert known.axes("gyro_bias_sd") == pytest.approx(started.axes("gyro_bias_sd"))
@@ -343,7 +345,9 @@ def test_a_term_that_needs_a_longer_record_is_told_and_kept_out():
 
 def test_an_axis_without_a_visible_bias_takes_the_largest_of_the_others():
     found = study(still(), StudySettings(grid="octave", terms=("N",)))
-    model = BiasModel((1e-5, 0.0, 2e-5), math.inf, (1e-6, 0.0, 2e-6), 0.1, (1.0, 100.0))
+    model = BiasModel(
+        (1e-5, 0.0, 2e-5), math.inf, (1e-6, 0.0, 2e-6), 0.1, (1.0, 100.0), (1e-6, 0.0, 2e-6), 0.1, (False,) * 3
+    )
     settings, fields = filter_settings(replace(found, gyro=model), 1e-4)
     assert settings.axes("gyro_bias_walk") == pytest.approx([1e-6, 2e-6, 2e-6])
     assert fields == ["arw", "gyro_bias_sd", "gyro_bias_tau", "gyro_bias_walk", "vrw"]

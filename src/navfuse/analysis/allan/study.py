@@ -26,6 +26,9 @@ Array = np.ndarray
 MOST_MOVING = 0.5
 """Share of a record in motion beyond which it is refused."""
 
+_UPPER = 1.645
+"""Sigmas above a rate random walk that it exceeds in 5 % of all records."""
+
 _FAR = 1e15
 """Samples; more than any record has."""
 
@@ -213,13 +216,21 @@ def _bias(axes: Sequence[AxisStudy], sensor: str, span: float, horizon: float) -
         return None
     tau = np.geomspace(1.0, max(10.0, 2.0 * horizon), 200)
     slow: list[Array | None] = []
-    white = []
+    white, most = [], []
     for axis in mine:
         found = axis.identification
         parts = [found.allan_variance(tau, name) for name in ("B", "K", "GM") if _has(found, name)]
         slow.append(np.sum(parts, axis=0) if parts else None)
         white.append(found.term("N").value if _has(found, "N") else 0.0)
-    return bias_model(slow, white, tau, min(horizon, max(0.25 * span, 4.0)))
+        most.append(largest_walk(found))
+    return bias_model(slow, white, tau, min(horizon, max(0.25 * span, 4.0)), most)
+
+
+def largest_walk(found: Identification) -> float:
+    """Rate random walk that a record allows: the upper value of K, or its limit; inf where nothing is known of it."""
+    walks = [term for term in found.terms if term.name == "K"]
+    upper = next((term.value + _UPPER * term.sigma if term.present else term.limit for term in walks), math.inf)
+    return math.inf if math.isnan(upper) else upper
 
 
 def _has(found: Identification, name: str) -> bool:
