@@ -146,7 +146,57 @@ def test_stuck_and_saturated_are_told():
     record.channels[1].values[:] = np.clip(record.channels[1].values, -2e-3, 2e-3)
     texts = study(record, StudySettings(grid="octave")).warnings
     assert any("gyro x repeats one value 200 times, from 80 s" in text for text in texts)
-    assert any("gyro y" in text and "stand at the end of the range: it is saturated" in text for text in texts)
+    assert any(
+        "gyro y" in text and "stand at the end of the range: it is saturated; its noise" in text for text in texts
+    )
+
+
+def test_stuck_samples_are_gaps():
+    record, plain = still(), still()
+    record.channels[0].values[4000:9000] = record.channels[0].values[4000]
+    record.channels[0].values[12_000:12_100] = record.channels[0].values[12_000]
+    plain.channels[0].values[4001:9000] = np.nan
+    plain.channels[0].values[12_001:12_100] = np.nan
+    found, wanted = study(record, StudySettings(grid="octave")), study(plain, StudySettings(grid="octave"))
+    assert found.axes[0].check.held == ((4000, 8999), (12_000, 12_099))
+    assert found.axes[0].missing == 4999 + 99
+    assert found.axes[0].curves["oadev"].deviation == pytest.approx(wanted.axes[0].curves["oadev"].deviation, rel=1e-12)
+    term, other = (one.axes[0].identification.term("N") for one in (found, wanted))
+    assert (term.value, term.sigma) == pytest.approx((other.value, other.sigma), rel=1e-9)
+    assert any("and 1 times more; repeated samples count as missing" in text for text in found.warnings)
+    with pytest.raises(InputError, match="gyro x: 5098 samples are missing or stuck, the first 80.02 s"):
+        study(record, StudySettings(gaps="refuse"))
+
+
+def test_a_coarse_output_that_repeats_itself_is_kept():
+    values = np.round(np.random.default_rng(0).standard_normal(20_000) * 0.5)
+    values[5000:5400] = 0.0
+    found = check_channel(values, RATE)
+    assert found.stuck is not None
+    assert found.stuck[0] <= 5000 < 5399 <= found.stuck[1]
+    assert found.held == ()
+    record = dataclasses.replace(still(), channels=(Channel("gyro x", "gyro", 1e-3 * values),))
+    texts = study(record, StudySettings(grid="octave")).warnings
+    assert any("it was stuck there, or its resolution is too coarse to tell" in text for text in texts)
+
+
+def test_a_saturated_axis_is_kept_out_of_the_settings():
+    record = still()
+    for channel in record.channels[:2]:
+        channel.values[:] = np.clip(channel.values, -1e-3, 1e-3)
+    found = study(record, StudySettings(grid="octave"))
+    assert [axis.check.clipped for axis in found.axes] == [True, True, False, False, False, False]
+    assert found.white("gyro") == found.axes[2].identification.term("N").value
+    assert "gyro: gyro x, gyro y saturated, which hides its noise: not used" in remarks(found)
+    record.channels[2].values[:] = np.clip(record.channels[2].values, -1e-3, 1e-3)
+    found = study(record, StudySettings(grid="octave"))
+    assert math.isnan(found.white("gyro"))
+    assert found.gyro is None
+    assert filter_settings(found)[1] == ["vrw"]
+    assert any(text.startswith("gyro: every axis is saturated, which hides its noise") for text in remarks(found))
+    few = still()
+    few.channels[0].values[:] = np.clip(few.channels[0].values, -3.4e-3, 3.4e-3)
+    assert not study(few, StudySettings(grid="octave")).axes[0].check.clipped
 
 
 def test_temperature():

@@ -25,10 +25,13 @@ def of_axis(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> li
         begin, end = check.stuck
         notes.append(
             f"{source}: {name} repeats one value {end - begin + 1} times, from {begin / record.rate:.6g} s: it "
-            f"was stuck there"
+            f"was stuck there{_of_held(axis)}"
         )
     if check.saturated:
-        notes.append(f"{source}: {name}: {check.saturated} samples stand at the end of the range: it is saturated")
+        kept = "; its noise is larger than what is seen of it, and is not used for [imu]" if check.clipped else ""
+        notes.append(
+            f"{source}: {name}: {check.saturated} samples stand at the end of the range: it is saturated{kept}"
+        )
     found = axis.identification
     for term in (term for term in found.terms if found.too_short(term)):
         why = f"the record of {found.span:.6g} s is shorter than the {term.least_span:.3g} s that it needs"
@@ -45,6 +48,14 @@ def of_axis(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> li
             f"the other bins is left out (vibration, lines, the edge of a filter); the rest {_how_good(found.misfit)}"
         )
     return notes + _of_curve(source, name, axis, record)
+
+
+def _of_held(axis: AxisStudy) -> str:
+    held = axis.check.held
+    if not held:
+        return ", or its resolution is too coarse to tell"
+    others = "" if len(held) == 1 else f", and {len(held) - 1} times more"
+    return f"{others}; repeated samples count as missing"
 
 
 def _of_gaps(axis: AxisStudy, record: StaticRecord) -> str:

@@ -129,12 +129,18 @@ def remarks(study: AllanStudy, turn_on: tuple[float | None, float | None] = (Non
     for sensor, model, given in (("gyro", study.gyro, turn_on[0]), ("accel", study.accel, turn_on[1])):
         if not study.of(sensor):
             continue
+        clipped = [axis.name for axis in study.of(sensor) if axis.check.clipped]
+        if len(clipped) == len(study.of(sensor)):
+            lines.append(f"{sensor}: every axis is saturated, which hides its noise: nothing is written, record anew")
+            continue
+        if clipped:
+            lines.append(f"{sensor}: {', '.join(clipped)} saturated, which hides its noise: not used")
         if model is None:
             lines.append(f"{sensor}: no bias but a constant one is seen in this record")
         else:
             if 0.0 in model.sd:
                 lines.append(
-                    f"{sensor} bias: an axis that shows none takes the largest of the others, but no walk above its own limit"
+                    f"{sensor} bias: an axis that shows none takes the largest of the others (a walk: up to its limit)"
                 )
             shape = "a random walk" if math.isinf(model.tau) else f"a Gauss-Markov process of {model.tau:.4g} s"
             lines.append(
@@ -144,9 +150,10 @@ def remarks(study: AllanStudy, turn_on: tuple[float | None, float | None] = (Non
         if model is not None and math.isfinite(model.tau) and given != 0.0:
             held = "" if not any(model.held) else ", held below the rate random walk that the record allows"
             lines.append(
-                f"{sensor}_bias_walk: a random walk in place of this process, fitted over the same averaging times{held}: "
-                f"its Allan deviation is off by {_percent(model.free_error)} % (root mean square), low at the short and "
-                "high at the long ones"
+                f"{sensor}_bias_walk: a random walk in place of this process, fitted over the same averaging "
+                f"times{held}; "
+                f"its Allan deviation is off by {_percent(model.free_error)} % (root mean square), mostly low at the "
+                "short and high at the long ones"
             )
         if given is not None:
             continue

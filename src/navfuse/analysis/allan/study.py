@@ -13,7 +13,7 @@ from navfuse.analysis.allan.deviations import KINDS, curve_of_phases
 from navfuse.analysis.allan.identify import SHORTEST, Identification, identify_and_bridge
 from navfuse.analysis.allan.noise_types import types_of_model
 from navfuse.analysis.allan.phase import phase_stretches
-from navfuse.analysis.allan.precheck import StaticSpan, check_channel, static_span
+from navfuse.analysis.allan.precheck import StaticSpan, check_channel, static_span, without_held
 from navfuse.analysis.allan.recommend import BiasModel, bias_model
 from navfuse.analysis.allan.results import AllanStudy, AxisStudy, StudySettings
 from navfuse.analysis.allan.spectra import autocorrelation, power_spectrum
@@ -165,16 +165,17 @@ def _rest(part: StaticRecord, settings: StudySettings, notes: list[str]) -> Stat
 
 
 def _axis(record: StaticRecord, channel: Any, settings: StudySettings) -> AxisStudy:
-    values = channel.values
+    check = check_channel(channel.values, record.rate)
+    values = without_held(channel.values, check)
     good = np.isfinite(values)
     missing = int(values.size - np.count_nonzero(good))
     if missing and settings.gaps == "refuse":
         raise InputError(
-            f"{record.source}: {channel.name}: {missing} samples are missing, the first "
+            f"{record.source}: {channel.name}: {missing} samples are "
+            f"missing{' or stuck' if check.held else ''}, the first "
             f"{int(np.argmin(good)) / record.rate:.6g} s "
             "from the start; --gaps split averages over the stretches between"
         )
-    check = check_channel(values, record.rate)
     try:
         found, whole = identify_and_bridge(values, record.rate, settings.terms, settings.flicker_band)
     except InputError as error:
@@ -219,7 +220,8 @@ def _bias(axes: Sequence[AxisStudy], sensor: str, span: float, horizon: float) -
     white, most = [], []
     for axis in mine:
         found = axis.identification
-        parts = [found.allan_variance(tau, name) for name in ("B", "K", "GM") if _has(found, name)]
+        used = () if axis.check.clipped else ("B", "K", "GM")
+        parts = [found.allan_variance(tau, name) for name in used if _has(found, name)]
         slow.append(np.sum(parts, axis=0) if parts else None)
         white.append(found.term("N").value if _has(found, "N") else 0.0)
         most.append(largest_walk(found))
