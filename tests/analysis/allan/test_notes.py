@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from navfuse.analysis.allan import StudySettings, study
+from navfuse.analysis.allan import StudySettings, deviation, study
+from navfuse.analysis.allan.notes import of_axis
+from navfuse.analysis.allan.terms import Term
+from navfuse.errors import InputError
 from navfuse.io.static_record import Channel, StaticRecord
 
 RATE = 100.0
@@ -52,3 +56,40 @@ def test_gaps_make_no_disagreement_of_model_and_curve(spoil):
             texts = study(one_axis(values), StudySettings(terms=("N", "B", "K"))).warnings
             told[gaps] += any("the fitted model is" in text for text in texts)
     assert told[True] <= told[False]
+
+
+def bounded(seed, seconds=600.0, tau=100.0):
+    """White noise and a Gauss-Markov process."""
+    from scipy.signal import lfilter
+
+    rng = np.random.default_rng(seed)
+    n, decay = round(seconds * RATE), math.exp(-1.0 / RATE / tau)
+    drive = 3e-5 * math.sqrt(1.0 - decay**2) * rng.standard_normal(n)
+    return 3e-4 * rng.standard_normal(n) + np.asarray(lfilter([1.0], [1.0, -decay], drive))
+
+
+def test_a_walk_above_the_curve_asks_for_a_bounded_process():
+    found = study(one_axis(bounded(1, 3600.0)), StudySettings())
+    axis = found.axes[0]
+    curve = axis.curves["oadev"]
+    walk = replace(axis.identification, terms=(Term("N", True, 3e-5, 3e-7), Term("K", True, 2e-5, 2e-6)))
+    texts = of_axis("log.csv", "gyro x", replace(axis, identification=walk), one_axis(bounded(1, 3600.0)))
+    long = [text for text in texts if "the fitted model is" in text]
+    assert long
+    assert all(text.endswith("for which K stands here: try --terms Q,N,B,K,R,GM") for text in long)
+    asked = replace(walk, terms=(*walk.terms, Term("GM", False)))
+    texts = of_axis("log.csv", "gyro x", replace(axis, identification=asked), one_axis(bounded(1, 3600.0)))
+    assert not any("--terms" in text for text in texts)
+    white = replace(walk, terms=(Term("N", True, 3e-4, 3e-6),))
+    texts = of_axis("log.csv", "gyro x", replace(axis, identification=white), one_axis(bounded(1, 3600.0)))
+    assert any("the fitted model is" in text for text in texts)
+    assert not any("--terms" in text for text in texts)
+    assert curve.tau[-1] > 1000.0
+
+
+def test_too_many_missing_samples_are_told_with_their_share():
+    values = noisy(3, 20_000)
+    values[np.random.default_rng(3).random(values.size) < 0.1] = np.nan
+    with pytest.raises(InputError, match=r"gyro x: (9\.\d+|10.*) % of the samples are missing.* at most 5 % missing"):
+        study(one_axis(values))
+    assert np.isfinite(deviation(values, RATE).deviation).all()

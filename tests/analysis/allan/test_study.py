@@ -230,7 +230,7 @@ def test_missing_samples():
     assert (found.axes[0].identification.begin, found.axes[0].identification.filled) == (9200, 1)
     assert any("the longest part with short gaps only: 1 samples are replaced" in text for text in found.warnings)
     record.channels[0].values[::10] = np.nan
-    with pytest.raises(InputError, match="log.csv: gyro x: a record of 9 samples is too short"):
+    with pytest.raises(InputError, match="log.csv: gyro x: 10.9 % of the samples are missing"):
         study(record, StudySettings(grid="octave"))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from navfuse.analysis.allan.agreement import ALLAN_KINDS, disagreements, probability_below
+from navfuse.analysis.allan.agreement import ALLAN_KINDS, Disagreement, disagreements, probability_below
 from navfuse.analysis.allan.results import AxisStudy
 from navfuse.io.static_record import StaticRecord
 
@@ -84,9 +84,22 @@ def _of_curve(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> 
     return [
         f"{source}: {name}: the fitted model is {one.ratio:.2f} times the measured deviation between {one.begin:.4g} "
         f"and {one.end:.4g} s; chance does that in {_percent(one.probability)} of records with these noise terms, so "
-        "that something else is likely to be there"
+        f"that something else is likely to be there{_bounded(axis, one)}"
         for one in disagreements(curve, model, below, 1.0 / found.highest)
     ]
+
+
+def _bounded(axis: AxisStudy, where: Disagreement) -> str:
+    """What to try where a walk or ramp makes most of a model that is above the curve: its process may be bounded."""
+    found = axis.identification
+    names = [term.name for term in found.terms if term.present and term.name != "sin"]
+    if where.ratio <= 1.0 or not names or any(term.name == "GM" for term in found.terms):
+        return ""
+    tau = np.array([math.sqrt(where.begin * where.end)])
+    most = max(names, key=lambda name: float(found.allan_variance(tau, name)[0]))
+    if most not in ("K", "R"):
+        return ""
+    return f", such as a bias that is bounded, for which {most} stands here: try --terms Q,N,B,K,R,GM"
 
 
 def _percent(probability: float) -> str:

@@ -71,7 +71,7 @@ def filter_settings(
         if math.isfinite(study.white(sensor)):
             fields[noise] = study.white(sensor)
         if model is not None:
-            most = [largest_walk(axis.identification) for axis in study.of(sensor)]
+            most = [math.inf if axis.check.clipped else largest_walk(axis.identification) for axis in study.of(sensor)]
             walk, free = _filled(model.walk, most), _filled(model.free_walk, most)
             model = replace(model, sd=_filled(model.sd, []), walk=walk, free_walk=free)
         bias = _bias_fields(sensor, model, start or 0.0, len(study.of(sensor)), walk=start is None)
