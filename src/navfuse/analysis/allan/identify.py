@@ -202,8 +202,8 @@ def _too_few(values: Array, size: int) -> str:
         return f"{values.size - gone} samples are too short a record to identify noise: at least {SHORTEST} are needed"
     return (
         f"{100.0 * gone / values.size:.3g} % of the samples are missing, so that no part of {SHORTEST} samples is left "
-        f"to identify noise in with at most {100.0 * MOST:g} % missing (the longest has {size}); record anew, or cut out "
-        "a part with --from-s and --until-s; deviations alone need no such part: navfuse.analysis.allan.deviation"
+        f"to identify noise in with at most {100.0 * MOST:g} % missing (the longest has {size}); record anew, or cut "
+        "out a part with --from-s and --until-s; deviations alone need no such part: navfuse.analysis.allan.deviation"
     )
 
 
