@@ -415,18 +415,21 @@ def test_a_model_that_the_curve_does_not_follow_is_told():
     assert not any("fitted model" in text for text in study(still(), StudySettings(terms=("N",))).warnings)
 
 
-def test_memory_of_a_study():
-    """At most three times the record in all: it, and two vectors of its length."""
+@pytest.mark.parametrize(("share", "most"), [(0.0, 2.0), (0.01, 3.0)])
+def test_memory_of_a_study(share, most):
+    """Vectors of the length of the record beside it: two, and three where samples are missing."""
     import tracemalloc
 
     whole = still(1_000_000)
     record = dataclasses.replace(whole, channels=whole.channels[:1])
+    values = record.channels[0].values
+    values[np.random.default_rng(1).random(values.size) < share] = np.nan
     study(record.between(0, 2000))
     tracemalloc.start()
     study(record)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak < 2.0 * record.channels[0].values.nbytes
+    assert peak < most * values.nbytes
 
 
 def test_spectrum_and_autocorrelation():

@@ -189,12 +189,11 @@ def _axis(record: StaticRecord, channel: Any, settings: StudySettings) -> AxisSt
         for kind in settings.kinds
     }  # fmt: skip
     del phases
-    seen = values[good] if missing else values
     return AxisStudy(
         channel.name,
         channel.sensor,
-        float(seen.mean()),
-        float(seen.std()),
+        float(values.mean(where=good)),
+        float(values.std(where=good)),
         curves,
         found,
         check,
