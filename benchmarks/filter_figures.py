@@ -16,6 +16,8 @@ from benchmarks.filter_cases import CASES, DRIVING
 COLOURS = {"ekf": "#d9600a", "iekf": "#8a6d3b", "ukf": "#2563c9", "ckf": "#0e8a7d"}
 MARKERS = {"ekf": "o", "iekf": "s", "ukf": "D", "ckf": "^"}
 HEADING, OUTAGE, RANGES = "heading-60", "outage-60", "ranges"
+BEGINNING = 40.0
+"""So much [s] is shown of a case without an outage."""
 
 Results = dict[str, dict[str, dict[str, Any]]]
 
@@ -95,7 +97,7 @@ def _position(results: Results, names: list[str]):
             if estimator not in ("ekf", "ukf"):
                 continue
             time = np.array(found["time"])
-            keep = slice(None) if window is None else (time >= window[0] - 20.0) & (time <= window[1] + 20.0)
+            keep = time <= BEGINNING if window is None else (time >= window[0] - 20.0) & (time <= window[1] + 20.0)
             axes.semilogy(time[keep], np.array(found["horizontal"])[keep], color=COLOURS[estimator], label=estimator)
             says = np.array(found["horizontal_sd"])[keep]
             axes.semilogy(time[keep], says, "--", color=COLOURS[estimator], label=f"{estimator} says")

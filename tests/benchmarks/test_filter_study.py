@@ -41,11 +41,10 @@ def heading_off(case) -> float:
     return float(np.degrees(d[8]))
 
 
-@pytest.mark.parametrize("off", [30.0, 150.0])
-def test_a_heading_that_is_off_by_so_much(cases, off):
-    recipe = cases.StudyRecipe(cases.CASES[f"heading-off-{off:g}"], "ukf")
+def test_a_heading_that_is_off_by_so_much(cases):
+    recipe = cases.StudyRecipe(cases.CASES["heading-off-150"], "ukf")
     found = [heading_off(recipe(seed)) for seed in range(6)]
-    np.testing.assert_allclose(np.abs(found), off, atol=1.5)
+    np.testing.assert_allclose(np.abs(found), 150.0, atol=1.5)
     assert {np.sign(value) for value in found} == {-1.0, 1.0}
     assert np.degrees(np.sqrt(recipe(0).start.P[8, 8])) == pytest.approx(60.0, rel=1e-3)
 
@@ -84,7 +83,7 @@ def test_the_ranges_are_those_to_the_anchors(cases, ecef):
 
 
 def test_ranges_polled_one_after_the_other(cases):
-    (sensor,) = cases.StudyRecipe(cases.CASES["ranges-polled-far"], "ekf")(0).sensors
+    (sensor,) = cases.StudyRecipe(cases.CASES["ranges-polled"], "ekf")(0).sensors
     assert sensor.ranges.shape == (sensor.times.size, 1)
     np.testing.assert_array_equal(sensor.anchors_e[0], sensor.anchors_e[4])
     assert np.linalg.norm(sensor.anchors_e[0] - sensor.anchors_e[1]) > 10.0
