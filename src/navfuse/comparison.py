@@ -47,6 +47,9 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
+USUAL = ("ekf", "iekf", "ukf", "ckf")
+"""Estimators that any project can be run with; the others change its states or its sensors."""
+
 WARM_UP_S, WARM_UP_SAMPLES = 30.0, 50
 """Each filter first runs over so much of the log, at least so many samples, that nothing has to be loaded later."""
 TIMED_RUNS, TIMED_S = 3, 2.0
@@ -72,7 +75,7 @@ def compare_filters(
     project : Project, mapping or path
         A project, the same as nested dictionaries, or the path of a project file. It needs a GNSS log.
     estimators : sequence of str, optional
-        Keys of :data:`navfuse.filters.kinds.FILTERS`; default all of them.
+        Keys of :data:`navfuse.filters.kinds.FILTERS`; default :data:`USUAL`.
     truth : Trajectory or path, optional
         Of the IMU. Default ``truth.parquet`` or ``truth.csv`` beside the project file. Without any, the solutions are
         compared with the GNSS fixes, those of ``gnss.outages_s`` too: differences, not errors.
@@ -99,7 +102,7 @@ def compare_filters(
     alignment are not in it. Where the start is rough it is improved, for
     all of them, with the extended filter.
     """
-    names = _checked(tuple(FILTERS) if estimators is None else tuple(estimators))
+    names = _checked(USUAL if estimators is None else tuple(estimators))
     settings = as_project(project)
     if settings.gnss.file is None:
         raise ConfigError(
@@ -147,7 +150,7 @@ def run_comparison(
     from navfuse.report.comparison_figure import write_figure
     from navfuse.report.comparison_page import write_page
 
-    _checked(tuple(FILTERS) if estimators is None else tuple(estimators))
+    _checked(USUAL if estimators is None else tuple(estimators))
     inputs = project_inputs(as_project(path), path) + ([] if truth is None else [Path(truth)])
     refuse_to_replace(inputs, folder, OUTPUT_NAMES)
     with atomic_folder(folder) as staging:
