@@ -169,6 +169,25 @@ def test_nineteen_columns(tmp_path):
     assert values[:, 18] == pytest.approx(logs.gnss.velocity_n[:, 2])
 
 
+@pytest.mark.filterwarnings("ignore::navfuse.NavfuseWarning")
+def test_nineteen_columns_stand_for_all_three_tables(tmp_path):
+    simulate_scenario(load_scenario("aircraft-1hz", {"": {"duration_s": 300.0}}), tmp_path)
+    native = tomllib.loads((tmp_path / "project.toml").read_text())
+    sigmas = {"sd_position_m": [3.0, 3.0, 5.0], "sd_velocity_mps": [0.1, 0.1, 0.15]}
+    joint = native | {"imu": native["imu"] | {"file": "aircraft.csv"}}
+    joint["gnss"] = native["gnss"] | {"file": "aircraft.csv"} | sigmas
+    results = [navfuse.process(Project.from_dict(tables, folder=tmp_path)) for tables in (native, joint)]
+    for name, values in results[0].smoothed.to_columns().items():
+        assert np.array_equal(values, results[1].smoothed.to_columns()[name]), name
+    found = [
+        compare(result.smoothed, read_trajectory(tmp_path / truth)).statistics
+        for result, truth in zip(results, ("truth.parquet", "aircraft.csv"), strict=True)
+    ]
+    assert set(found[0]) - set(found[1]) == {f"velocity_{name}" for name in ("north", "east", "down", "3d")}
+    for name, numbers in found[1].items():
+        assert numbers == pytest.approx(found[0][name], rel=1e-9, abs=1e-9), name
+
+
 @pytest.mark.parametrize(
     "changes",
     [{"imu": {"kind": "increments"}}, {"gnss": {"rate_hz": 0.5}}, {"gnss": {"velocity_sd_mps": 0.0}}],

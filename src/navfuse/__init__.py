@@ -45,6 +45,7 @@ from navfuse.errors import (  # noqa: E402
 
 if TYPE_CHECKING:
     from navfuse.analysis.metrics import compare
+    from navfuse.comparison import compare_filters
     from navfuse.config import Project, load_project
     from navfuse.data.logs import GnssLog, ImuLog
     from navfuse.data.result import Result
@@ -64,6 +65,7 @@ _HOMES = {
     "Result": "navfuse.data.result",
     "Trajectory": "navfuse.data.trajectory",
     "compare": "navfuse.analysis.metrics",
+    "compare_filters": "navfuse.comparison",
     "load_project": "navfuse.config",
     "process": "navfuse.pipeline",
     "read_gnss": "navfuse.io.gnss_table",
@@ -87,6 +89,7 @@ __all__ = [
     "Trajectory",
     "__version__",
     "compare",
+    "compare_filters",
     "load_project",
     "process",
     "read_gnss",

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,8 +29,10 @@ from navfuse.data.result import Result
 from navfuse.data.start import Known
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import AlignmentError, ConfigError, FilterError, NavfuseWarning
-from navfuse.filters.ekf import ErrorStateFilter, FilterSettings
-from navfuse.filters.record import collect
+from navfuse.filters.kinds import FILTERS
+from navfuse.filters.navigation_filter import NavigationFilter
+from navfuse.filters.record import FilterRecord, collect
+from navfuse.filters.settings import FilterSettings
 from navfuse.imu.alignment import Alignment, align
 from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.gaps import change_over, gap_limit, without_false_start
@@ -74,42 +76,19 @@ def process(
     ------
     ConfigError, InputError, AlignmentError, FilterError
     """
-    project = (
-        config
-        if isinstance(config, Project)
-        else Project.from_dict(config)
-        if isinstance(config, Mapping)
-        else load_project(config)
-    )
-    tell = progress or _silent
-    clock = _Clock()
-    with _collected_warnings() as caught:
-        with clock("read"):
-            imu, gnss = read_logs(project)
-        _warn_of_idle_outages(gnss, project)
-        with clock("increments"):
-            increments = cut(to_increments(imu, gap_limit(imu.time)), project.filter.until_s)
-            increments = without_false_start(increments)
-            imu_input = describe_imu(imu)
-            del imu
-            for note in check_turns(increments, gnss) if gnss is not None else ():
-                _warn(note)
-        model = project.imu_error_model()
-        length = float(increments.time[-1] - increments.time[0])
-        pieces = _pieces(increments, project)
-        del increments
-        runs = []
-        for k in range(len(pieces)):
-            run = _run_piece(pieces.pop(0), gnss, model, project, sensors, first=k == 0, clock=clock, tell=tell)
-            if run is not None:
-                runs.append(run)
-        if not runs:
-            raise AlignmentError("no stretch of the inertial data between gaps could be aligned; see the warnings")
+    project = as_project(config)
+    tell = progress or silent
+    clock = Clock()
+    build, smoothing = builder_of(project.filter.estimator), project.smoother.method == "rts"
+    with collected_warnings() as caught:
+        prepared = prepare(project, sensors, clock)
+        length, gnss = prepared.length, prepared.gnss
+        runs = [run_stretch(stretch, prepared.model, build, smoothing, clock, tell) for stretch in prepared.stretches]
         for run in runs:
             for note in (*run.alignment.notes, *run.filter.record.notes):
                 _warn(note)
         _warn_of_gaps([gap for run in runs for gap in run.filter.record.gaps])
-        result = _result(project, gnss, runs)
+        result = result_of(project, gnss, runs)
         if not len(result.forward):
             raise ConfigError(
                 f"output.rate_hz = {project.output.rate_hz:g} puts out nothing in the {length:.1f} s of the log; give "
@@ -123,9 +102,9 @@ def process(
     summary = summarize_run(
         result,
         settings=project.settings(),
-        imu=imu_input,
+        imu=prepared.imu,
         gnss=gnss,
-        model=model,
+        model=prepared.model,
         alignments=[run.alignment for run in runs],
         seconds=clock.seconds,
         contradicted=bool(contradictions),
@@ -200,7 +179,13 @@ def read_logs(project: Project) -> tuple[ImuLog, GnssLog | None]:
     settings = project.gnss
     if settings.file is None:
         return imu, None
-    gnss = read_gnss(settings.file, time_offset_s=settings.time_offset_s, epoch=settings.epoch_week_s)
+    gnss = read_gnss(
+        settings.file,
+        time_offset_s=settings.time_offset_s,
+        epoch=settings.epoch_week_s,
+        sd_position_m=settings.sd_position_m,
+        sd_velocity_mps=settings.sd_velocity_mps,
+    )
     sd_position = np.maximum(gnss.sd_position * settings.sd_scale, settings.sd_floor_m)
     sd_velocity = None if gnss.sd_velocity is None else gnss.sd_velocity * settings.velocity_sd_scale
     return imu, replace(gnss, sd_position=sd_position, sd_velocity=sd_velocity)
@@ -276,16 +261,96 @@ def filter_settings(project: Project, gap_s: float, increments: ImuIncrements) -
         gap_gyro_sd=gap_gyro_sd,
         gap_accel_sd=gap_accel_sd,
         checkpoints=project.smoother.method == "rts",
+        alpha=project.filter.ukf_alpha,
+        beta=default.beta if project.filter.ukf_beta is None else project.filter.ukf_beta,
+        kappa=default.kappa if project.filter.ukf_kappa is None else project.filter.ukf_kappa,
     )
 
 
 @dataclass(frozen=True)
-class _Run:
-    """One stretch without a long gap."""
+class Stretch:
+    """Inertial data without a long gap, aligned: all that a filter is given."""
 
     alignment: Alignment
-    filter: ErrorStateFilter
+    increments: ImuIncrements
+    sensors: tuple[AidingSensor, ...]
+    settings: FilterSettings
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A project up to where a filter takes over.
+
+    Attributes
+    ----------
+    gnss : GnssLog or None
+    model : ImuErrorModel
+    stretches : tuple of Stretch
+        At least one.
+    imu : dict
+        What :func:`navfuse.analysis.summary.describe_imu` says.
+    length : float [s]
+        Of the inertial data.
+    """
+
+    gnss: GnssLog | None
+    model: ImuErrorModel
+    stretches: tuple[Stretch, ...]
+    imu: dict[str, Any]
+    length: float
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a filter, and a smoother, made of a stretch."""
+
+    alignment: Alignment
+    filter: NavigationFilter
     smoothed: SmoothedRun | None
+
+
+def as_project(config: Project | Mapping[str, Any] | str | os.PathLike[str]) -> Project:
+    """A project, given as one, as nested dictionaries, or as the path of its file."""
+    if isinstance(config, Project):
+        return config
+    return Project.from_dict(config) if isinstance(config, Mapping) else load_project(config)
+
+
+def builder_of(estimator: str) -> Callable[..., NavigationFilter]:
+    """What builds the filter of a name.
+
+    Raises
+    ------
+    ConfigError
+        If there is none.
+    """
+    if estimator not in FILTERS:
+        raise ConfigError(f'there is no estimator "{estimator}"; known are {", ".join(FILTERS)}')
+    return FILTERS[estimator]
+
+
+def prepare(project: Project, sensors: tuple[AidingSensor, ...], clock: Clock) -> Prepared:
+    """Read the logs of a project, cut them at long gaps, and find the start of every stretch."""
+    with clock("read"):
+        imu, gnss = read_logs(project)
+    _warn_of_idle_outages(gnss, project)
+    with clock("increments"):
+        increments = cut(to_increments(imu, gap_limit(imu.time)), project.filter.until_s)
+        increments = without_false_start(increments)
+        described = describe_imu(imu)
+        del imu
+        for note in check_turns(increments, gnss) if gnss is not None else ():
+            _warn(note)
+    model = project.imu_error_model()
+    length = float(increments.time[-1] - increments.time[0])
+    found = [
+        _align_piece(piece, gnss, model, project, sensors, first=k == 0, clock=clock)
+        for k, piece in enumerate(_pieces(increments, project))
+    ]
+    stretches = tuple(stretch for stretch in found if stretch is not None)
+    if not stretches:
+        raise AlignmentError("no stretch of the inertial data between gaps could be aligned; see the warnings")
+    return Prepared(gnss, model, stretches, described, length)
 
 
 def _pieces(increments: ImuIncrements, project: Project) -> list[ImuIncrements]:
@@ -313,7 +378,7 @@ def _pieces(increments: ImuIncrements, project: Project) -> list[ImuIncrements]:
     return pieces
 
 
-def _run_piece(
+def _align_piece(
     increments: ImuIncrements,
     gnss: GnssLog | None,
     model: ImuErrorModel,
@@ -321,9 +386,8 @@ def _run_piece(
     sensors: tuple[AidingSensor, ...],
     *,
     first: bool,
-    clock: _Clock,
-    tell: Progress,
-) -> _Run | None:
+    clock: Clock,
+) -> Stretch | None:
     try:
         with clock("alignment"):
             usable = _without_outages(gnss, project)
@@ -343,21 +407,39 @@ def _run_piece(
     increments = increments.piece(begin)
     gap_s = gap_limit(increments.time)
     settings = filter_settings(project, gap_s, increments)
-    sources = [*gnss_sensors(project, gnss), *sensors]
+    sources = (*gnss_sensors(project, gnss), *sensors)
     if not settings.open_loop:
         with clock("alignment"):
             alignment = improve_start(alignment, increments, model, sources, settings)
+    return Stretch(alignment, increments, sources, settings)
+
+
+def run_stretch(
+    stretch: Stretch,
+    model: ImuErrorModel,
+    build: Callable[..., NavigationFilter],
+    smoothing: bool,
+    clock: Clock,
+    tell: Progress,
+    events: Callable[[FilterRecord], Sequence[int]] | None = None,
+) -> Run:
+    """Run a filter, and the smoother if it is wanted, over a stretch.
+
+    `events` chooses the checkpoints at which the smoother is to keep the whole covariance.
+    """
+    increments = stretch.increments
     with clock("filter"):
-        estimator = ErrorStateFilter(alignment.start, model, sources, settings)
+        estimator = build(stretch.alignment.start, model, stretch.sensors, stretch.settings)
         for at in range(0, len(increments), BLOCK_SAMPLES):
             stop = min(at + BLOCK_SAMPLES, len(increments))
             estimator.feed(increments.piece(at, stop))
             tell("filter", stop / len(increments))
     smoothed = None
-    if project.smoother.method == "rts":
+    if smoothing:
         with clock("smoother"):
-            smoothed = smooth(estimator, increments, progress=lambda fraction: tell("smoother", fraction))
-    return _Run(alignment, estimator, smoothed)
+            chosen = () if events is None else events(estimator.record)
+            smoothed = smooth(estimator, increments, lambda fraction: tell("smoother", fraction), chosen)
+    return Run(stretch.alignment, estimator, smoothed)
 
 
 def _without_outages(gnss: GnssLog | None, project: Project) -> GnssLog | None:
@@ -384,7 +466,8 @@ def _warn_of_idle_outages(gnss: GnssLog | None, project: Project) -> None:
             )
 
 
-def _result(project: Project, gnss: GnssLog | None, runs: list[_Run]) -> Result:
+def result_of(project: Project, gnss: GnssLog | None, runs: list[Run]) -> Result:
+    """Trajectories, innovations and states of the runs over all stretches, without warnings and summary."""
     forward, innovations, states = collect([run.filter.record for run in runs])
     gaps = [gap for run in runs for gap in run.filter.record.gaps]
     smoothed = None
@@ -422,7 +505,7 @@ def _joined(trajectories: list[Trajectory], source: str) -> Trajectory:
     return Trajectory.from_columns({name: np.concatenate([c[name] for c in columns]) for name in columns[0]}, source)
 
 
-class _Clock:
+class Clock:
     """Seconds spent in each stage."""
 
     def __init__(self) -> None:
@@ -430,13 +513,14 @@ class _Clock:
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
+        """Add the time of the block to a stage."""
         start = time.perf_counter()
         yield
         self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
 
 
 @contextmanager
-def _collected_warnings() -> Iterator[list[warnings.WarningMessage]]:
+def collected_warnings() -> Iterator[list[warnings.WarningMessage]]:
     """Collect the text of every warning navfuse gives, each once, and pass all warnings on at the end.
 
     The caller's filters decide what becomes of them, as if they had been given then.
@@ -458,5 +542,5 @@ def _warn(text: str) -> None:
     warnings.warn(text, NavfuseWarning, stacklevel=3)
 
 
-def _silent(stage: str, fraction: float) -> None:
+def silent(stage: str, fraction: float) -> None:
     """No progress wanted."""

@@ -156,3 +156,13 @@ def test_untested_components_are_left_out():
     found = nees_of_groups(d, P, groups)
     kept = d[1][tested]
     assert found[WHOLE][1] == pytest.approx(kept @ np.linalg.solve(P[1][np.ix_(tested, tested)], kept), rel=1e-6)
+
+
+def test_a_covariance_that_is_not_definite_may_be_passed_over():
+    P = np.stack([np.eye(3), np.diag([1.0, -1.0, 1.0])])
+    found = nees_of_groups(np.ones((2, 3)), P, {"all": np.arange(3), "first": np.arange(1)}, strict=False)
+    np.testing.assert_array_equal(found["all"], [3.0, np.nan])
+    np.testing.assert_array_equal(found["first"], [1.0, 1.0])
+    P[1, 0, 0] = np.inf
+    with pytest.raises(InputError, match="finite errors and covariances"):
+        nees_of_groups(np.ones((2, 3)), P, {"all": np.arange(3)}, strict=False)

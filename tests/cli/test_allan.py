@@ -66,6 +66,17 @@ def test_everything_is_written(navfuse, log, tmp_path):
     assert len(curve["tau_s"]) == len(curve["low_ug"]) == len(curve["edf"])
     assert (folder / "oadev.csv").read_text().startswith("tau_s,gyro_x_deviation_dph,gyro_x_low_dph")
     model = model_of_file(folder / "imu.toml")
+    assert found["imu"] == tomllib.loads((folder / "imu.toml").read_text())["imu"]
+    bias = found["bias_models"]["gyro"]
+    walk = bias["random_walk"]["walk_dph_per_sqrt_h"]
+    assert bias["shape"] in ("random walk", "Gauss-Markov process")
+    assert len(bias["sd_dph"]) == len(walk) == 3
+    assert found["imu"]["gyro_bias_walk_dph_per_sqrt_h"] == pytest.approx(walk, rel=1e-3)
+    assert bias["fitted_s"][0] < bias["fitted_s"][1] <= 600.0
+    assert bias["relative_error"] > 0.0
+    assert bias["random_walk"]["relative_error"] > 0.0
+    assert found["axes"]["gyro_x"]["resolution_dph"] is None
+    assert found["axes"]["gyro_x"]["used_for_imu"] is True
     assert model.arw == pytest.approx(1e-3, rel=0.02)
 
 
@@ -96,6 +107,7 @@ def test_json_and_settings_on_standard_output(navfuse, log):
     code, out, _ = navfuse("allan", log, "--json", "--grid", "octave", "--gyro", "gyro_degps", "--terms", "N,K,sin")
     assert code == 0
     assert json.loads(out)["axes"]["gyro_y"]["terms"]["sin"]["present"] is False
+    assert json.loads(out)["bias_models"]["accel"] is None
     code, out, err = navfuse("allan", log, "--config", "--grid", "octave", "--gyro-turn-on", "0.2 deg/s")
     keys = tomllib.loads(out)["imu"]
     assert code == 0

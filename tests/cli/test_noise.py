@@ -78,6 +78,8 @@ def test_settings_to_data_sheet(navfuse, tmp_path):
         (["--gyro-noise", "1 deg/sqrt(parsec)"], "unknown unit 'parsec'"),
         (["--gyro-bias", "1e308 deg/s"], "--gyro-bias = '1e308 deg/s' is beyond any sensor"),
         (["--accel-noise", "1e308 g/sqrt(Hz)"], "is beyond any sensor"),
+        (["--gyro-noise", "1e-400 deg/s/sqrt(Hz)"], "--gyro-noise = '1e-400 deg/s/sqrt(Hz)' is too small a number"),
+        (["--accel-noise", "0.05e-320 ug/sqrt(Hz)"], "is too small a number for any sensor; check number and unit"),
         (["--gyro-noise", "0.1 deg/s"], "needs --bandwidth"),
         (["--gyro-noise", "0.1 deg/s", "--bandwidth", "3 s"], "'s' is a unit of time; wanted is frequency"),
         (["--gyro-bias", "1 deg/h", "--tau", "5"], "the unit is missing"),

@@ -189,7 +189,12 @@ def test_unknown_keys_name_the_nearest(data, message):
         ("gnss", "sd_scale", 0.0, "must be > 0"),
         ("start", "lat_deg", 95.0, "start.lat_deg = 95.0: must be >= -90 and <= 90"),
         ("start", "sd_position_m", [1.0, 1.0, 0.0], "must be > 0"),
-        ("filter", "estimator", "ukf", "the unscented filter is not available yet"),
+        (
+            "filter",
+            "estimator",
+            "particle",
+            'filter.estimator = "particle": must be "ekf" or "ukf" or "ckf" or "iekf" or "ukf-f',
+        ),
         ("filter", "frame", "enu", 'filter.frame = "enu": must be "ned" or "ecef"'),
         ("aiding", "nonholonomic", True, "the land vehicle constraint is not available yet"),
         ("output", "rate_hz", -1.0, "output.rate_hz = -1.0: must be >= 0"),
@@ -331,3 +336,15 @@ def test_settings_survive_the_file(tmp_path_factory, offset, lever, bias, tau, n
     assert again.settings() | {"imu": None, "gnss": None} == first.settings() | {"imu": None, "gnss": None}
     assert again.settings()["imu"] | {"file": 0} == first.settings()["imu"] | {"file": 0}
     assert again.settings()["gnss"] | {"file": 0} == first.settings()["gnss"] | {"file": 0}
+
+
+def test_sigma_points_are_placed_by_the_file_for_the_unscented_filter_only():
+    tables = {"imu": {"file": "a.csv", "grade": "consumer"}, "gnss": {"file": "b.csv"}}
+    keys = {"ukf_alpha": 0.5, "ukf_beta": 1.0, "ukf_kappa": 2.0}
+    project = Project.from_dict({**tables, "filter": {"estimator": "ukf", **keys}})
+    assert (project.filter.ukf_alpha, project.filter.ukf_beta, project.filter.ukf_kappa) == (0.5, 1.0, 2.0)
+    for name, value in keys.items():
+        with pytest.raises(ConfigError, match=f'filter.{name}.*estimator = "ukf"; with "ekf" leave it out'):
+            Project.from_dict({**tables, "filter": {name: value}})
+    with pytest.raises(ConfigError, match="ukf_alpha"):
+        Project.from_dict({**tables, "filter": {"estimator": "ukf", "ukf_alpha": 0.0}})

@@ -191,8 +191,9 @@ def reset_error(angle):
     return np.abs(P - expected).max(), np.abs(before - expected).max()
 
 
-def test_reset_turns_the_attitude_error_with_the_estimate():
-    large, without = reset_error(0.1)
-    small, _ = reset_error(0.01)
-    assert large < 0.2 * without
-    assert small < 0.011 * large
+@pytest.mark.parametrize("angle", [1e-9, 1e-3, 0.1, 1.5, 3.0])
+def test_reset_turns_the_attitude_error_with_the_estimate(angle):
+    error, without = reset_error(angle)
+    assert error < 1e-8
+    if angle >= 1e-3:
+        assert error < 1e-3 * without

@@ -285,3 +285,44 @@ def test_batches_are_the_scalar_functions():
         assert tuple(q[k]) == rot.quat_from_euler(*euler[k])
         assert tuple(back[k]) == rot.euler_from_quat(q[k])
         assert tuple(C[k].ravel()) == rot.dcm_from_quat(q[k])
+
+
+def jacobian_by_differences(r, step=1e-5):
+    """exp((r + e) x) exp(r x)^-1 for small e, by central differences of scipy's rotations."""
+    C = Rotation.from_rotvec(r)
+    columns = []
+    for e in step * np.eye(3):
+        ahead = (Rotation.from_rotvec(r + e) * C.inv()).as_rotvec()
+        behind = (Rotation.from_rotvec(r - e) * C.inv()).as_rotvec()
+        columns.append((ahead - behind) / (2.0 * step))
+    return np.column_stack(columns)
+
+
+@pytest.mark.parametrize("angle", SMALL + LARGE)
+def test_left_jacobian_is_the_derivative_of_the_rotation(angle):
+    for axis in axes():
+        r = angle * axis
+        assert np.abs(np.reshape(rot.left_jacobian(tuple(r)), (3, 3)) - jacobian_by_differences(r)).max() < 1e-8
+
+
+@pytest.mark.parametrize("angle", SMALL + LARGE)
+def test_left_jacobian_is_the_series_of_the_cross_product(angle):
+    """J = sum of [r x]^k / (k + 1)!, in extended precision by summation of matrices."""
+    for axis in axes():
+        r = np.asarray(angle * axis, dtype=np.longdouble)
+        K = np.array([[0, -r[2], r[1]], [r[2], 0, -r[0]], [-r[1], r[0], 0]], dtype=np.longdouble)
+        term, total = np.eye(3, dtype=np.longdouble), np.eye(3, dtype=np.longdouble)
+        for k in range(1, 120):
+            term = term @ K / (k + 1)
+            total = total + term
+        tolerance = 4e-15 if angle < 2.0 * math.pi + 1e-9 else 1e-10
+        assert np.abs(np.reshape(rot.left_jacobian(tuple(map(float, r))), (3, 3)) - total).max() < tolerance
+
+
+def test_left_jacobian_takes_the_rotation_vector_to_itself_and_its_transpose_turns_back():
+    for axis in axes():
+        r = 1.3 * axis
+        J = np.reshape(rot.left_jacobian(tuple(r)), (3, 3))
+        np.testing.assert_allclose(J @ r, r, atol=1e-15)
+        C = Rotation.from_rotvec(r).as_matrix()
+        np.testing.assert_allclose(C @ J.T, J, atol=1e-15)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from navfuse.core.constants import EARTH_RATE
 from navfuse.data.layout import Block, Layout
-from navfuse.data.nav_state import NavState, boxplus_navigation, describe_rows, to_ecef, to_ned
+from navfuse.data.nav_state import NavState, boxminus_navigation, boxplus_navigation, describe_rows, to_ecef, to_ned
 from navfuse.data.start import Start, euler_axes
 from reference.navigation_algebra import angle_between, corrected, dcm, earth_fixed, error, rotation_en
 
@@ -50,6 +50,77 @@ def test_a_navigation_state_is_the_same_in_both_frames(place):
     nav = ned_array(**PLACES[place])
     assert_same_place(to_ecef(nav), True, earth_fixed(nav, ecef=False))
     assert_same_place(to_ned(to_ecef(nav)), False, earth_fixed(nav, ecef=False))
+
+
+@st.composite
+def references(draw):
+    """NED arrays anywhere: near the poles and on the date line as often as elsewhere, any attitude."""
+    off = 10.0 ** draw(st.floats(-7.0, 0.1))
+    lat = draw(st.sampled_from([0.0, 0.7, 0.5 * np.pi - off, off - 0.5 * np.pi]))
+    lon = draw(st.one_of(st.sampled_from([-np.pi, np.pi, 0.0, np.pi - 1e-9, 1e-9 - np.pi]), st.floats(-3.1, 3.1)))
+    velocity = draw(st.tuples(*[st.floats(-300.0, 300.0)] * 3))
+    roll, heading = draw(st.floats(-np.pi, np.pi)), draw(st.floats(-np.pi, np.pi))
+    pitch = draw(st.one_of(st.sampled_from([0.5 * np.pi, -0.5 * np.pi]), st.floats(-1.5, 1.5)))
+    return ned_array(lat, lon, draw(st.floats(-400.0, 2e4)), velocity, roll, pitch, heading)
+
+
+@st.composite
+def large_errors(draw):
+    """Errors of up to 100 km, 300 m/s and just less than half a turn."""
+    d = np.array(draw(st.tuples(*[st.floats(-1.0, 1.0)] * 9)))
+    d[:3] *= 10.0 ** draw(st.floats(-6.0, 5.0))
+    d[3:6] *= 10.0 ** draw(st.floats(-6.0, 2.5))
+    length = np.linalg.norm(d[6:])
+    turn = draw(st.one_of(st.sampled_from([0.0, 3.1415, np.pi - 1e-6]), st.floats(0.0, 3.14)))
+    d[6:] *= turn / length if length > 1e-3 else 0.0
+    return d
+
+
+@FRAMES
+@given(nav=references(), d=large_errors())
+def test_boxminus_undoes_boxplus(ecef, nav, d):
+    reference = to_ecef(nav) if ecef else nav
+    moved, found = reference.copy(), np.empty(9)
+    boxplus_navigation(moved, d, ecef)
+    boxminus_navigation(moved, reference, ecef, found)
+    assert np.abs(found[:3] - d[:3]).max() < 2e-8
+    assert np.abs(found[3:6] - d[3:6]).max() < 1e-9
+    # A rotation close to half a turn is known to the rounding of its quaternion.
+    assert np.abs(found[6:] - d[6:]).max() < 1e-11
+
+
+@FRAMES
+@given(nav=references(), d=large_errors())
+def test_boxminus_is_the_error_of_earth_fixed_algebra(ecef, nav, d):
+    reference = to_ecef(nav) if ecef else nav
+    moved, found = reference.copy(), np.empty(9)
+    boxplus_navigation(moved, d, ecef)
+    boxminus_navigation(moved, reference, ecef, found)
+    expected = error(moved, reference, ecef)
+    assert np.abs(found[:3] - expected[:3]).max() < 1e-7
+    assert np.abs(found[3:6] - expected[3:6]).max() < 1e-9
+    assert np.abs(found[6:] - expected[6:]).max() < 1e-8
+
+
+@FRAMES
+@given(nav=references(), d=large_errors())
+def test_boxplus_of_boxminus_reaches_the_state(ecef, nav, d):
+    """Not only for errors that boxplus made: the two states here have nothing to do with each other."""
+    reference = array(ecef)
+    target = to_ecef(nav) if ecef else nav.copy()
+    boxplus_navigation(target, d, ecef)
+    difference = np.empty(9)
+    boxminus_navigation(target, reference, ecef, difference)
+    assert np.linalg.norm(difference[6:]) <= np.pi + 1e-12
+    boxplus_navigation(reference, difference, ecef)
+    assert_same_place(reference, ecef, earth_fixed(target, ecef), metres=2e-8)
+
+
+@FRAMES
+def test_boxminus_of_a_state_and_itself_is_zero(ecef):
+    found = np.empty(9)
+    boxminus_navigation(array(ecef), array(ecef), ecef, found)
+    assert np.abs(found).max() < 1e-14
 
 
 @FRAMES

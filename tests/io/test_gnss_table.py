@@ -311,3 +311,42 @@ def test_car_1h(shared_data):
     assert log.notes == ()
     assert log.velocity_n is None
     assert (log.sd_position == (1.0, 1.0, 2.0)).all()
+
+
+def test_stated_sigmas_stand_where_the_file_has_none(write, gnss, recwarn):
+    columns = without(gnss, *SD_POSITION, *SD_VELOCITY)
+    log = read_gnss(write(columns), sd_position_m=[3.0, 4.0, 5.0], sd_velocity_mps=(0.1, 0.2, 0.3))
+    np.testing.assert_array_equal(log.sd_position, np.tile([3.0, 4.0, 5.0], (120, 1)))
+    np.testing.assert_array_equal(log.sd_velocity, np.tile([0.1, 0.2, 0.3], (120, 1)))
+    assert not recwarn.list
+
+
+def test_stated_sigmas_fill_empty_cells_only(write, gnss, recwarn):
+    gnss["sd_east_m"][7] = np.nan
+    log = read_gnss(write(gnss), sd_position_m=[3.0, 4.0, 5.0])
+    np.testing.assert_array_equal(log.sd_position[7], [1.0, 4.0, 2.0])
+    np.testing.assert_array_equal(np.delete(log.sd_position, 7, axis=0), np.delete(stack(gnss, SD_POSITION), 7, axis=0))
+    assert not recwarn.list
+
+
+def test_stated_sigmas_come_before_those_of_the_kind_of_fix(write, gnss):
+    columns = without(gnss, *SD_POSITION) | {"fix": np.full(120, "rtk-fixed")}
+    log = read_gnss(write(columns), sd_position_m=[3.0, 4.0, 5.0])
+    np.testing.assert_array_equal(log.sd_position[0], [3.0, 4.0, 5.0])
+
+
+def test_stated_sigmas_without_effect_are_told(write, gnss, gnss_positions):
+    with pytest.warns(NavfuseWarning, match="own standard deviations in every row, so that gnss.sd_position_m has no"):
+        log = read_gnss(write(gnss), sd_position_m=[3.0, 4.0, 5.0])
+    np.testing.assert_array_equal(log.sd_position, stack(gnss, SD_POSITION))
+    with pytest.warns(NavfuseWarning, match="no velocities, so that gnss.sd_velocity_mps has no effect"):
+        read_gnss(write(gnss_positions), sd_velocity_mps=[0.1, 0.1, 0.1])
+
+
+@pytest.mark.parametrize("values", [[1.0, 2.0], [1.0, 0.0, 1.0], [1.0, -1.0, 1.0], [1.0, np.nan, 1.0], [1, np.inf, 1]])
+def test_stated_sigmas_have_to_be_three_positive_numbers(write, gnss, values):
+    path = write(gnss)
+    with pytest.raises(ConfigError, match="sd_position_m = .* three positive numbers: north, east, down"):
+        read_gnss(path, sd_position_m=values)
+    with pytest.raises(ConfigError, match="sd_velocity_mps = .* three positive numbers: north, east, down"):
+        read_gnss(path, sd_velocity_mps=values)

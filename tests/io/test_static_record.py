@@ -246,3 +246,4 @@ def test_stamps_in_another_unit_than_the_name_says(tmp_path):
     table = columns()
     record = read_static(write(tmp_path / "log.csv", table | {"time_s": 1000.0 * table["time_s"]}))
     assert "a sampling rate of 0.05 Hz is unusual for an inertial sensor" in record.notes[0]
+    assert record.notes[0].endswith("Stamps in milliseconds, divided by 1000, would make it 50 Hz")

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from navfuse.errors import ConfigError, InputError
+from navfuse.filters.ekf import ErrorStateFilter
+from navfuse.filters.kinds import FILTERS
 from navfuse.io.trajectory_table import write_trajectory
 from navfuse.montecarlo import ProjectRecipe, ScenarioRecipe, Tampering, assess, montecarlo, recipe_from, run_campaign
+from navfuse.montecarlo.single import run_case
 from navfuse.scenario_files import simulate_scenario
 from navfuse.simulation.scenario import load_scenario
 
@@ -39,6 +42,21 @@ def test_stamps_are_put_right_as_the_project_does():
     assert case.logs.imu.time == pytest.approx(0.05 * np.arange(601), abs=1e-12)
     assert case.logs.imu_errors.time == pytest.approx(case.logs.imu.time, abs=1e-12)
     assert case.logs.gnss.time == pytest.approx(np.arange(31.0), abs=1e-12)
+
+
+def test_the_estimator_is_that_of_the_project(project, monkeypatch):
+    def hasty(start, model, sensors, settings):
+        return ErrorStateFilter(start, model.replace(arw=20.0 * model.arw), sensors, settings)
+
+    other = project.with_name("other.toml")
+    other.write_text(project.read_text() + '\n[filter]\nestimator = "ukf"\n')
+    monkeypatch.setitem(FILTERS, "ukf", hasty)
+    own, told = ProjectRecipe(str(project))(1), ProjectRecipe(str(other))(1)
+    assert (own.estimator, told.estimator) == ("ekf", "ukf")
+    assert run_case(told).sd[-1, 8] > 1.5 * run_case(own).sd[-1, 8]
+    monkeypatch.delitem(FILTERS, "ukf")
+    with pytest.raises(ConfigError, match='there is no estimator "ukf"'):
+        ProjectRecipe(str(other))(1)
 
 
 def test_tampering_reaches_the_filter_alone():

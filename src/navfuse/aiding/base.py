@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from navfuse.data.layout import NAVIGATION_STATES, Block, Layout
-from navfuse.data.nav_state import NavState
+from navfuse.data.nav_state import NavState, NavStates
 
 Array = np.ndarray
 
@@ -80,6 +80,19 @@ class AidingSensor:
         z = np.atleast_1d(np.asarray(self.subtract(self.value(k), self.predict(nav, k)), dtype=float))
         H = np.array(self.jacobian(nav, k), dtype=float, order="C", ndmin=2)
         return z, H, np.array(noise_covariance(self.noise(k), z.size), dtype=float, order="C")
+
+    def predict_points(self, navs: NavStates, k: int) -> tuple[Array, Array]:
+        """Predictions at navigation states less that at the first of them (m - 1, d), and innovation of the first (d,).
+
+        What an unscented filter asks for. Built from the other methods; override it only for speed.
+        """
+        values = [self.predict(navs[p], k) for p in range(len(navs))]
+        first = values[0]
+        z = np.atleast_1d(np.asarray(self.subtract(self.value(k), first), dtype=float))
+        delta = np.empty((len(values) - 1, z.size))
+        for row, value in zip(delta, values[1:], strict=True):
+            row[:] = self.subtract(value, first)
+        return delta, z
 
     def state_blocks(self) -> tuple[Block, ...]:
         """The sensor's own states under their full names."""

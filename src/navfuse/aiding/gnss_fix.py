@@ -11,7 +11,7 @@ from navfuse.core.earth import dcm_en, ecef_to_geodetic, geodetic_to_ecef
 from navfuse.core.rotation import cross, dcm_from_quat, mat_mul, mat_t_vec, mat_vec
 from navfuse.data.layout import CROSS_PAIRS
 from navfuse.data.logs import GnssLog
-from navfuse.data.nav_state import NavState, to_ned
+from navfuse.data.nav_state import NavState, NavStates, to_ned
 from navfuse.errors import InputError
 
 Array = np.ndarray
@@ -66,6 +66,22 @@ def linearize_position(nav, ecef, l_b, fix, z, H, R):
 
 
 @njit(cache=True)
+def position_at_points(navs, ecef, l_b, fix, z, delta):
+    """Innovation z (3,) of an antenna position at the first of navigation states (m, 10), and delta (m - 1, 3), the
+    positions at the others less that at the first [m], north, east, down of each; `fix` as in
+    :func:`linearize_position`. No checks are made.
+    """
+    first = _antenna(navs[0], ecef, l_b)[3]
+    m = geodetic_to_ecef(fix[0], fix[1], fix[2])
+    z[0], z[1], z[2] = mat_t_vec(dcm_en(fix[0], fix[1]), (m[0] - first[0], m[1] - first[1], m[2] - first[2]))
+    for p in range(1, navs.shape[0]):
+        r = _antenna(navs[p], ecef, l_b)[3]
+        lat, lon, _ = ecef_to_geodetic(r[0], r[1], r[2])
+        d = mat_t_vec(dcm_en(lat, lon), (r[0] - first[0], r[1] - first[1], r[2] - first[2]))
+        delta[p - 1, 0], delta[p - 1, 1], delta[p - 1, 2] = d
+
+
+@njit(cache=True)
 def _antenna_velocity(nav, ecef, l_b, w_ib_b):
     C_mb, C_nm, l, _, C_en = _antenna(nav, ecef, l_b)
     wl = mat_vec(C_mb, cross((w_ib_b[0], w_ib_b[1], w_ib_b[2]), (l_b[0], l_b[1], l_b[2])))
@@ -81,6 +97,21 @@ def _antenna_velocity(nav, ecef, l_b, w_ib_b):
 def predict_velocity(nav, ecef, l_b, w_ib_b):
     """Velocity relative to the Earth of an antenna, resolved in n, as a 3-tuple [m/s]. No checks are made."""
     return _antenna_velocity(nav, ecef, l_b, w_ib_b)[0]
+
+
+@njit(cache=True)
+def velocity_at_points(navs, ecef, l_b, rates, fix, z, delta):
+    """Innovation z (3,) of an antenna velocity at the first of navigation states (m, 10) with rates (m, 6), and delta
+    (m - 1, 3), the velocities at the others less that at the first [m/s]; `fix` as in :func:`linearize_velocity`. No
+    checks are made.
+    """
+    first = predict_velocity(navs[0], ecef, l_b, rates[0])
+    for i in range(3):
+        z[i] = fix[i] - first[i]
+    for p in range(1, navs.shape[0]):
+        v = predict_velocity(navs[p], ecef, l_b, rates[p])
+        for i in range(3):
+            delta[p - 1, i] = v[i] - first[i]
 
 
 @njit(cache=True)
@@ -209,6 +240,12 @@ class GnssPosition(_GnssSensor):
         """Matrix H (3, n)."""
         return self.linearize(nav, k)[1]
 
+    def predict_points(self, navs: NavStates, k: int) -> tuple[Array, Array]:
+        """See :class:`navfuse.aiding.AidingSensor`."""
+        z, delta = np.empty(3), np.empty((len(navs) - 1, 3))
+        position_at_points(navs.array, navs.ecef, self.lever_arm_b, self.fixes[k], z, delta)
+        return delta, z
+
 
 class GnssVelocity(_GnssSensor):
     """Velocity of the antenna relative to the Earth, resolved in n. Parameters as :class:`GnssPosition`.
@@ -259,3 +296,9 @@ class GnssVelocity(_GnssSensor):
     def jacobian(self, nav: NavState, k: int) -> Array:
         """Matrix H (3, n)."""
         return self.linearize(nav, k)[1]
+
+    def predict_points(self, navs: NavStates, k: int) -> tuple[Array, Array]:
+        """See :class:`navfuse.aiding.AidingSensor`."""
+        z, delta = np.empty(3), np.empty((len(navs) - 1, 3))
+        velocity_at_points(navs.array, navs.ecef, self.lever_arm_b, navs.rates, self.fixes[k], z, delta)
+        return delta, z

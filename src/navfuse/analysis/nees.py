@@ -273,7 +273,7 @@ def groups_of(components: tuple[Component, ...], tested: Array | None = None) ->
     return {name: index for name, index in groups.items() if index.size}
 
 
-def nees_of_groups(error: Array, P: Array, groups: dict[str, Array]) -> dict[str, Array]:
+def nees_of_groups(error: Array, P: Array, groups: dict[str, Array], strict: bool = True) -> dict[str, Array]:
     """NEES of every group from its marginal covariance.
 
     Parameters
@@ -282,6 +282,8 @@ def nees_of_groups(error: Array, P: Array, groups: dict[str, Array]) -> dict[str
     P : (m, n, n) array
     groups : dict of str to index arrays
         From :func:`groups_of`.
+    strict : bool
+        Refuse a covariance that is not positive definite; otherwise its NEES is NaN.
 
     Returns
     -------
@@ -301,7 +303,7 @@ def nees_of_groups(error: Array, P: Array, groups: dict[str, Array]) -> dict[str
         bad = np.flatnonzero(~np.isfinite(out))
         if not finite or not np.isfinite(error[bad[:, None], index]).all():
             raise InputError("NEES needs finite errors and covariances")
-        if bad.size:
+        if bad.size and strict:
             raise InputError(f"the covariance of epoch {bad[0]} is not positive definite, so that it has no NEES")
         found[name] = out
     return found

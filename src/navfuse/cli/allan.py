@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import tomllib
 import warnings
 from contextlib import nullcontext
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -130,7 +131,7 @@ def allan(
         from navfuse.io.json_file import to_plain
         from navfuse.report.allan_tables import to_dict
 
-        print(json.dumps(to_plain(to_dict(found)), indent=2))
+        print(json.dumps(to_plain(to_dict(found, _keys(section))), indent=2))
     elif not quiet:
         _print(found)
         if output is not None:
@@ -184,6 +185,11 @@ def _section(found: AllanStudy, turn_on: tuple[float | None, float | None]) -> s
     return imu_section(model, remarks(found, turn_on), fields)
 
 
+def _keys(section: str) -> dict[str, Any]:
+    """The keys of ``[imu]`` as they are written, the unit in the name of each."""
+    return tomllib.loads(section)["imu"]
+
+
 def _write(folder: Path, found: AllanStudy, section: str) -> None:
     """Fill a folder that appears as a whole."""
     from navfuse.io.json_file import write_json
@@ -192,7 +198,7 @@ def _write(folder: Path, found: AllanStudy, section: str) -> None:
     from navfuse.report.allan_page import write_page
     from navfuse.report.allan_tables import curve_columns, to_dict
 
-    write_json(folder / "allan.json", to_dict(found))
+    write_json(folder / "allan.json", to_dict(found, _keys(section)))
     for kind in found.settings.kinds:
         write_table(folder / f"{kind}.csv", curve_columns(found, kind))
     write_figure(folder / "allan.png", found)

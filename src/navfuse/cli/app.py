@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 
 from navfuse import __version__
-from navfuse.cli import allan, compare, config, demo, montecarlo, noise, run, simulate
+from navfuse.cli import allan, compare, compare_filters, config, demo, montecarlo, noise, run, simulate
 from navfuse.errors import NavfuseError, NavfuseWarning
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -31,6 +31,9 @@ app = typer.Typer(
 app.command("run", short_help="Process a project: IMU and GNSS logs to a trajectory.")(run.run)
 app.command("demo", short_help="Simulate a short drive, process it, show how it went.")(demo.demo)
 app.command("compare", short_help="Compare a trajectory with a truth.")(compare.compare)
+app.command("compare-filters", short_help="Run a project with several estimators, side by side.")(
+    compare_filters.compare_filters
+)
 app.command("simulate", short_help="Simulate a scenario: logs, truth, project file.")(simulate.simulate)
 app.command("scenarios", short_help="List the scenarios that come along.")(simulate.scenarios)
 app.command("montecarlo", short_help="Simulate many runs; is the filter as good as it says?")(montecarlo.montecarlo)

@@ -221,6 +221,21 @@ class GnssConfig(Section):
         above=0.0,
         most=1.0,
     )
+    sd_position_m: Vector | None = key(
+        None,
+        "m",
+        "Standard deviations north, east, down of a position, used where the file has none. Left out: cautious "
+        "defaults by the kind of fix.",
+        above=0.0,
+        example=(3.0, 3.0, 5.0),
+    )
+    sd_velocity_mps: Vector | None = key(
+        None,
+        "m/s",
+        "Standard deviations north, east, down of a velocity, used where the file has none. Left out: 0.2, 0.2, 0.4.",
+        above=0.0,
+        example=(0.1, 0.1, 0.15),
+    )
     sd_scale: Number = key(
         1.0,
         "",
@@ -315,7 +330,13 @@ class StartConfig(Section):
 class FilterConfig(Section):
     """The estimator."""
 
-    estimator: Literal["ekf", "ukf"] = key("ekf", "", "Kind of filter: 'ekf', the error-state extended Kalman filter.")
+    estimator: Literal["ekf", "ukf", "ckf", "iekf", "ukf-feedback-12", "ukf-feedforward-15"] = key(
+        "ekf",
+        "",
+        "Kind of filter: 'ekf' extended, 'ukf' unscented, 'ckf' cubature, 'iekf' iterated extended Kalman filter; "
+        "'ukf-feedback-12' and 'ukf-feedforward-15' are configurations with their own states. `navfuse "
+        "compare-filters` runs several.",
+    )
     frame: Literal["ned", "ecef"] = key(
         "ned", "", "Where to mechanize: 'ned' (not within 0.05 deg of a pole) or 'ecef' (anywhere)."
     )
@@ -334,13 +355,32 @@ class FilterConfig(Section):
         example=20.0,
     )
     until_s: Number | None = key(None, "s", "Log time at which to stop; later data are not used.", example=3600.0)
+    ukf_alpha: Number | None = key(
+        None,
+        "",
+        "Estimator 'ukf': scale of the distance of the sigma points, alpha sqrt(n + kappa) standard deviations with n "
+        "states. Left out: sqrt(3) standard deviations whatever n is.",
+        above=0.0,
+        example=1.0,
+    )
+    ukf_beta: Number | None = key(
+        None,
+        "",
+        "Estimator 'ukf': weight of the centre in the covariance. Left out: 2, for a normal distribution.",
+        example=2.0,
+    )
+    ukf_kappa: Number | None = key(
+        None, "", "Estimator 'ukf': second scale of the sigma points. Left out: 0.", example=0.0
+    )
 
-    @field_validator("estimator")
-    @classmethod
-    def _available(cls, value: str) -> str:
-        if value == "ukf":
-            raise ValueError('the unscented filter is not available yet; use "ekf"')
-        return value
+    @model_validator(mode="after")
+    def _of_the_unscented(self) -> FilterConfig:
+        for name in ("ukf_alpha", "ukf_beta", "ukf_kappa"):
+            if getattr(self, name) is not None and self.estimator != "ukf":
+                raise ValueError(
+                    f'filter.{name}: places the sigma points of estimator = "ukf"; with "{self.estimator}" leave it out'
+                )
+        return self
 
 
 class SmootherConfig(Section):

@@ -7,6 +7,7 @@ from math import sqrt
 import numpy as np
 
 from navfuse.core.fused import fused
+from navfuse.core.rotation import left_jacobian, mat_vec
 
 
 @fused
@@ -146,21 +147,15 @@ def _invert(S, Sinv):
 def reset_attitude(P, dpsi):
     """Covariance of the attitude error after the estimate was turned by `dpsi` (3,) [rad], in place.
 
-    The new error is log(exp(psi) exp(-dpsi)), to first order (I + [dpsi x]/2) times the old one (Groves 2013, section
-    14.2.5 neglects it; see also Markley 2003). No checks are made.
+    The new error is log(exp(psi) exp(-dpsi)); about psi = dpsi it is :func:`navfuse.core.rotation.left_jacobian` times
+    the change of the old one (Groves 2013, section 14.2.5 neglects it; see also Markley 2003). No checks are made.
     """
     n = P.shape[0]
-    x, y, z = 0.5 * dpsi[0], 0.5 * dpsi[1], 0.5 * dpsi[2]
+    J = left_jacobian((dpsi[0], dpsi[1], dpsi[2]))
     for c in range(n):
-        a, b, d = P[6, c], P[7, c], P[8, c]
-        P[6, c] = a + y * d - z * b
-        P[7, c] = b + z * a - x * d
-        P[8, c] = d + x * b - y * a
+        P[6, c], P[7, c], P[8, c] = mat_vec(J, (P[6, c], P[7, c], P[8, c]))
     for c in range(n):
-        a, b, d = P[c, 6], P[c, 7], P[c, 8]
-        P[c, 6] = a + y * d - z * b
-        P[c, 7] = b + z * a - x * d
-        P[c, 8] = d + x * b - y * a
+        P[c, 6], P[c, 7], P[c, 8] = mat_vec(J, (P[c, 6], P[c, 7], P[c, 8]))
     for i in range(6, 9):
         for j in range(6, i):
             v = 0.5 * (P[i, j] + P[j, i])

@@ -233,6 +233,30 @@ def dcm_from_rotvec(r):
 
 
 @njit(cache=True, error_model="numpy")
+def left_jacobian(r):
+    """Left Jacobian of a rotation vector [rad]: ``exp([(r + e) x]) = exp([J e x]) exp([r x])`` to first order in e.
+
+    ``J = I + (1 - cos n)/n^2 [r x] + (n - sin n)/n^3 [r x]^2`` with n = |r| (Barfoot 2017, *State Estimation for
+    Robotics*, eq. 7.77). Its transpose belongs to -r.
+    """
+    x, y, z = r[0], r[1], r[2]
+    n2 = x * x + y * y + z * z
+    if n2 < _SERIES_LIMIT:
+        b = 0.5 * (1.0 - n2 / 12.0 * (1.0 - n2 / 30.0 * (1.0 - n2 / 56.0 * (1.0 - n2 / 90.0))))
+        c = 1.0 / 6.0 * (1.0 - n2 / 20.0 * (1.0 - n2 / 42.0 * (1.0 - n2 / 72.0 * (1.0 - n2 / 110.0))))
+    else:
+        n = math.sqrt(n2)
+        half = math.sin(0.5 * n)
+        b = 2.0 * half * half / n2
+        c = (n - math.sin(n)) / (n2 * n)
+    return (
+        1.0 - c * (y * y + z * z), c * x * y - b * z, c * x * z + b * y,
+        c * x * y + b * z, 1.0 - c * (x * x + z * z), c * y * z - b * x,
+        c * x * z - b * y, c * y * z + b * x, 1.0 - c * (x * x + y * y),
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
 def rotvec_from_dcm(C):
     """Rotation vector [rad] of a rotation matrix, of length at most pi; no loss at zero and at half a turn."""
     return rotvec_from_quat(quat_from_dcm(C))

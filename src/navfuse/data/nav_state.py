@@ -15,10 +15,12 @@ from navfuse.core.rotation import (
     mat_t_mul,
     mat_t_vec,
     mat_vec,
+    quat_conjugate,
     quat_from_dcm,
     quat_from_rotvec,
     quat_multiply,
     quat_normalize,
+    rotvec_from_quat,
 )
 from navfuse.data.layout import CROSS_PAIRS, NAVIGATION_STATES, Layout
 
@@ -63,6 +65,41 @@ def boxplus_navigation(nav, d, ecef):
         nav[3 + i] = v[i]
     for i in range(4):
         nav[6 + i] = q[i]
+
+
+@njit(cache=True, error_model="numpy")
+def boxminus_navigation(nav, reference, ecef, d):
+    """Error of a navigation state against a reference: what :func:`boxplus_navigation` takes the reference to it with.
+
+    Parameters
+    ----------
+    nav, reference : (10,) arrays
+        NED or ECEF.
+    ecef : bool
+    d : (9,) array
+        Receives position [m], velocity [m/s] and attitude [rad] of `nav` less those of `reference`, resolved in n or e
+        of the reference.
+
+    Notes
+    -----
+    The attitude is at most half a turn. No checks are made.
+    """
+    q_reference = quat_conjugate((reference[6], reference[7], reference[8], reference[9]))
+    q = (nav[6], nav[7], nav[8], nav[9])
+    if ecef:
+        for i in range(6):
+            d[i] = nav[i] - reference[i]
+    else:
+        C_en = dcm_en(reference[0], reference[1])
+        turn = mat_t_mul(C_en, dcm_en(nav[0], nav[1]))
+        r = geodetic_to_ecef(nav[0], nav[1], nav[2])
+        r0 = geodetic_to_ecef(reference[0], reference[1], reference[2])
+        d[0], d[1], d[2] = mat_t_vec(C_en, (r[0] - r0[0], r[1] - r0[1], r[2] - r0[2]))
+        v = mat_vec(turn, (nav[3], nav[4], nav[5]))
+        for i in range(3):
+            d[3 + i] = v[i] - reference[3 + i]
+        q = quat_multiply(quat_from_dcm(turn), q)
+    d[6], d[7], d[8] = rotvec_from_quat(quat_multiply(q, q_reference))
 
 
 @njit(cache=True)
@@ -263,6 +300,38 @@ class NavState:
         correct_rates(rates, delta, sensor_offsets(self.layout))
         states = self.states + delta[NAVIGATION_STATES:]
         return NavState(self.time, array, self.ecef, states, self.layout, rates[:3], rates[3:])
+
+
+class NavStates:
+    """Several navigation states of one moment, row by row; item k is a :class:`NavState` that looks into them.
+
+    Attributes
+    ----------
+    time : float [s]
+    array : (m, 10) array
+    ecef : bool
+    states : (m, n - 9) array
+    layout : Layout
+    rates : (m, 6) array
+        Angular rate [rad/s] and specific force [m/s^2].
+    """
+
+    __slots__ = ("array", "ecef", "layout", "rates", "states", "time")
+
+    def __init__(self, time: float, array: Array, ecef: bool, states: Array, layout: Layout, rates: Array):
+        self.time = time
+        self.array = array
+        self.ecef = ecef
+        self.states = states
+        self.layout = layout
+        self.rates = rates
+
+    def __len__(self) -> int:
+        return len(self.array)
+
+    def __getitem__(self, k: int) -> NavState:
+        rate = self.rates[k]
+        return NavState(self.time, self.array[k], self.ecef, self.states[k], self.layout, rate[:3], rate[3:])
 
 
 @njit(cache=True)

@@ -37,7 +37,8 @@ def split(carried: Array) -> tuple[Array, Array, Array, Array]:
     )
 
 
-def room(d: int, n: int) -> int:
+@fused
+def room(d, n):
     """How many numbers :func:`take` leaves behind for d values and n states."""
     return d * (1 + 2 * d + 2 * n) + n
 

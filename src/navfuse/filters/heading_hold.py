@@ -22,6 +22,15 @@ class HeadingHold:
     something at every update. So a heading that is known no better than HELD_SD gets no gain, and its correlations are
     dropped, until the velocity has changed.
 
+    Parameters
+    ----------
+    velocity : (3,) array
+        At the start.
+    eager : bool
+        Let the heading go as soon as the velocity has changed by more than it is uncertain for a given heading. An
+        extended filter has to wait until it has changed by more than it is uncertain in all: its covariance does not
+        know that a vehicle with an unknown heading goes around an arc.
+
     Attributes
     ----------
     direction : (3,) array
@@ -30,26 +39,32 @@ class HeadingHold:
         Whether it has been let go, for good.
     """
 
-    def __init__(self, velocity: Array):
+    def __init__(self, velocity: Array, eager: bool = False):
         self.moved = False
+        self.eager = eager
         self.direction = np.zeros(3)
         self._first_velocity = velocity.copy()
 
     def watch(self, nav: Array, x: Array, P: Array, ecef: bool) -> float | None:
-        """Hold the heading or let it go. The standard deviation [rad] of a heading let go unknown, otherwise None."""
+        """Hold the heading, to be followed by :meth:`uncorrelate`, or let it go.
+
+        Returns the standard deviation [rad] of a heading let go unknown, otherwise None.
+        """
         if self.moved:
             return None
         C_en = np.array(dcm_en(*to_ned(nav)[:2])).reshape(3, 3) if ecef else np.eye(3)
         down = C_en[:, 2].copy()
         variance = float(down @ P[6:9, 6:9] @ down)
         changed = float(np.linalg.norm(nav[3:6] + x[3:6] - self._first_velocity))
-        sd = float(np.sqrt(np.max(np.diagonal(P)[3:6])))
+        spread = np.diagonal(P)[3:6]
+        if self.eager:
+            spread = spread - (P[3:6, 6:9] @ down) ** 2 / max(variance, 1e-300)
+        sd = float(np.sqrt(max(np.max(spread), 0.0)))
         self.moved = variance < HELD_SD**2 or changed > MOVING_SPEED + 5.0 * sd
         if self.moved:
             self.direction = np.zeros(3)
             return float(np.sqrt(variance)) if variance >= HELD_SD**2 else None
         self.direction = down
-        self.uncorrelate(P)
         return None
 
     def uncorrelate(self, P: Array) -> None:

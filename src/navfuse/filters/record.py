@@ -57,8 +57,8 @@ class Checkpoint(NamedTuple):
     """The filter after an event: increments finished, time, what it carries, and the measurements used, in order.
 
     For `carried` see :mod:`navfuse.filters.event`. `held` (3,) is the direction of the attitude error that
-    the event left alone, or zero; `acc` are the sums of a covariance step under way, where a filter was restored in the
-    middle of one, otherwise None.
+    the event left alone, or zero; `acc` is what the propagator keeps of a covariance step under way, where a filter was
+    restored in the middle of one, or of a root of the covariance; otherwise None.
     """
 
     index: int

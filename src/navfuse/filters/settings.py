@@ -34,6 +34,10 @@ class FilterSettings:
         change.
     checkpoints : bool
         Keep what a smoother needs.
+    alpha, beta, kappa : float or None, float, float
+        Where the points of an unscented filter lie, see :class:`navfuse.core.unscented.SigmaSpread`.
+    iterations : int
+        Linearizations of an iterated filter at one measurement, at most.
     """
 
     ecef: bool = False
@@ -48,3 +52,7 @@ class FilterSettings:
     gap_gyro_sd: float = np.radians(20.0)
     gap_accel_sd: float = 2.0
     checkpoints: bool = False
+    alpha: float | None = None
+    beta: float = 2.0
+    kappa: float = 0.0
+    iterations: int = 10

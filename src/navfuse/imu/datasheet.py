@@ -15,6 +15,7 @@ The words of data sheets and what they stand for here:
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -32,6 +33,9 @@ PEAK = 0.6174
 
 NOISE_BANDWIDTH = {n: 0.5 * math.pi / n / math.sin(0.5 * math.pi / n) for n in (1, 2, 3, 4)}
 """Order of a Butterworth filter -> its noise bandwidth over its -3 dB bandwidth."""
+
+SMALLEST = 1e-30
+"""SI value below which a figure is none of a sensor; smaller ones end as 0, which says that there is no noise."""
 
 LARGEST = 1e6
 """No figure of a sensor is larger, in SI units: a million rad/s or m/s^2."""
@@ -161,6 +165,10 @@ def _figure(name: str, text: str, *quantities: str) -> float:
         raise ConfigError(f"--{name.replace('_', '-')} = {text!r} must not be negative")
     if not measure.value < LARGEST:
         raise ConfigError(f"--{name.replace('_', '-')} = {text!r} is beyond any sensor; check number and unit")
+    if measure.value < SMALLEST and re.match(r"[\s+]*[0._]*[1-9]", text):
+        raise ConfigError(
+            f"--{name.replace('_', '-')} = {text!r} is too small a number for any sensor; check number and unit"
+        )
     return measure.value
 
 

@@ -234,7 +234,11 @@ def _refuse_unit(field: Field, name: str, source: str) -> None:
 def _resemblances(missing: Sequence[str], unknown: Sequence[str]) -> list[tuple[str, str]]:
     """Pair every missing name with the unused unknown one most like it, best pairs first; "" where none is alike."""
     scores = sorted(
-        ((SequenceMatcher(None, name, other.lower()).ratio(), name, other) for name in missing for other in unknown),
+        (
+            (SequenceMatcher(None, name.lower(), other.lower()).ratio(), name, other)
+            for name in missing
+            for other in unknown
+        ),
         reverse=True,
     )
     pairs: dict[str, str] = {}

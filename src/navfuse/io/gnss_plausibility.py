@@ -34,6 +34,7 @@ def check_position_units(
     velocity_n: Array | None,
     names: tuple[str, ...],
     source: str,
+    remedy: str | None = None,
 ) -> list[str]:
     """Look for radians in columns of degrees, and for heights in millimetres.
 
@@ -49,6 +50,8 @@ def check_position_units(
         Columns of latitude, longitude, height.
     source : str
         File, for messages.
+    remedy : str, optional
+        What to do about radians; default to rename the columns. If given, the columns hold degrees without saying so.
 
     Returns
     -------
@@ -66,14 +69,14 @@ def check_position_units(
             f"{source}: column '{names[2]}': the median height is {np.median(height) / 1e3:.0f} km; is it in"
             " millimetres?"
         )
-    if not (names[0].endswith("deg") and names[1].endswith("deg")):
+    if remedy is None and not (names[0].endswith("deg") and names[1].endswith("deg")):
         return notes
     in_box = (np.abs(lat) <= np.pi / 2.0 * _DEG).all() and (np.abs(lon) <= np.pi * _DEG).all()
     if not in_box or (np.hypot(lat, lon) < 0.02 * _DEG).all():
         return notes
     lat_range, lon_range = (f"{np.degrees(x).min():.4g}..{np.degrees(x).max():.4g}" for x in (lat, lon))
     fault = f"{source}: columns '{names[0]}', '{names[1]}': the values lie in {lat_range} and {lon_range}"
-    remedy = "rename them to lat_rad, lon_rad"
+    remedy = remedy or "rename them to lat_rad, lon_rad"
     if velocity_n is not None:
         if _moves_alike(time, lat, lon, height, velocity_n):
             return notes

@@ -96,13 +96,42 @@ class GnssNames:
     sd_velocity: tuple[str, ...] = ("sd_vn_mps", "sd_ve_mps", "sd_vd_mps")
 
 
-def gnss_log(rows: GnssRows, names: GnssNames, source: str, where: Where, notes: list[str]) -> GnssLog:
+@dataclass(frozen=True, slots=True)
+class StatedSigmas:
+    """What the user says of a receiver whose file does not: used where a standard deviation is missing.
+
+    Attributes
+    ----------
+    position : (3,) array [m] or None
+        North, east, down.
+    velocity : (3,) array [m/s] or None
+    """
+
+    position: Array | None = None
+    velocity: Array | None = None
+
+
+UNSTATED = StatedSigmas()
+"""The defaults of this module apply."""
+
+
+def gnss_log(
+    rows: GnssRows,
+    names: GnssNames,
+    source: str,
+    where: Where,
+    notes: list[str],
+    stated: StatedSigmas = UNSTATED,
+    *,
+    sparse: bool = False,
+) -> GnssLog:
     """Check rows, repair what may be repaired, and make a log of them.
 
     * Rows without a position (NaN, infinite, exactly 0 N 0 E amid others, fix type "none") are left out with a note;
       refused if they are more than half of the file.
     * Rows out of order are sorted, of rows with equal stamps the first is kept; refused from 1 % on.
-    * A standard deviation that is missing gets a default with a note, one that is zero or negative is refused.
+    * A standard deviation that is missing is the one `stated`, or gets a default with a note; one that is zero or
+      negative is refused.
     * A velocity that lacks a component is NaN throughout.
 
     Parameters
@@ -117,6 +146,9 @@ def gnss_log(rows: GnssRows, names: GnssNames, source: str, where: Where, notes:
         Row index -> its name for a person.
     notes : list of str
         Notes so far; those made here are appended.
+    stated : StatedSigmas
+    sparse : bool
+        The file has a row for more than the fixes, so that most rows may lack a position.
 
     Returns
     -------
@@ -128,7 +160,7 @@ def gnss_log(rows: GnssRows, names: GnssNames, source: str, where: Where, notes:
     InputError
         If the rows cannot be used.
     """
-    index = np.flatnonzero(~_empty_rows(rows, source, where, notes))
+    index = np.flatnonzero(~_empty_rows(rows, source, where, notes, sparse))
     rows = rows.take(index)
     _check_range(rows, names, source, lambda row: where(int(index[row])))
     order = time_order(rows.time, names.time, source, lambda row: where(int(index[row])))
@@ -144,8 +176,8 @@ def gnss_log(rows: GnssRows, names: GnssNames, source: str, where: Where, notes:
 
     rows = replace(
         rows,
-        sd_position=_position_sigmas(rows, names, source, origin, notes),
-        **_velocity(rows, names, source, origin, notes),
+        sd_position=_position_sigmas(rows, names, source, origin, notes, stated),
+        **_velocity(rows, names, source, origin, notes, stated),
     )
     notes += check_position_units(
         rows.time, rows.lat, rows.lon, rows.height, rows.velocity_n, (names.lat, names.lon, names.height), source
@@ -169,7 +201,7 @@ def gnss_log(rows: GnssRows, names: GnssNames, source: str, where: Where, notes:
     )
 
 
-def _empty_rows(rows: GnssRows, source: str, where: Where, notes: list[str]) -> Array:
+def _empty_rows(rows: GnssRows, source: str, where: Where, notes: list[str], sparse: bool) -> Array:
     empty = ~(np.isfinite(rows.time) & np.isfinite(rows.lat) & np.isfinite(rows.lon) & (np.abs(rows.height) < _ABSURD))
     at_origin = (rows.lat == 0.0) & (rows.lon == 0.0)
     if not at_origin[~empty].all():
@@ -182,7 +214,7 @@ def _empty_rows(rows: GnssRows, source: str, where: Where, notes: list[str]) -> 
     if count:
         found = f"{source}: {count} of {empty.size} rows hold no position (NaN, infinite, 0 N 0 E, or no fix)"
         first = where(int(np.argmax(empty)))
-        if count > MAX_EMPTY_SHARE * empty.size:
+        if count > MAX_EMPTY_SHARE * empty.size and not sparse:
             raise InputError(
                 f"{found}, the first is {first}; more than half is not accepted, check how the file was made"
             )
@@ -209,25 +241,32 @@ def _check_range(rows: GnssRows, names: GnssNames, source: str, where: Where) ->
         )
 
 
-def _position_sigmas(rows: GnssRows, names: GnssNames, source: str, where: Where, notes: list[str]) -> Array:
+def _position_sigmas(
+    rows: GnssRows, names: GnssNames, source: str, where: Where, notes: list[str], stated: StatedSigmas
+) -> Array:
     kinds = np.char.lower(rows.fix.astype(str)) if rows.fix is not None else np.full(rows.time.size, "")
     default = np.empty((rows.time.size, 3))
     for kind in np.unique(kinds):
         default[kinds == kind] = DEFAULT_SD_POSITION.get(str(kind), DEFAULT_SD_POSITION[""])
-    return _sigmas(
-        rows.sd_position, default, np.full(rows.time.size, True), names.sd_position, "m", source, where, notes
-    )
+    needed = np.full(rows.time.size, True)
+    told = "gnss.sd_position_m", stated.position
+    return _sigmas(rows.sd_position, default, needed, names.sd_position, "m", source, where, notes, told)
 
 
-def _velocity(rows: GnssRows, names: GnssNames, source: str, where: Where, notes: list[str]) -> dict[str, Array | None]:
+def _velocity(
+    rows: GnssRows, names: GnssNames, source: str, where: Where, notes: list[str], stated: StatedSigmas
+) -> dict[str, Array | None]:
     if rows.velocity_n is None:
+        if stated.velocity is not None:
+            notes.append(f"{source}: there are no velocities, so that gnss.sd_velocity_mps has no effect")
         return {"velocity_n": None, "sd_velocity": None}
     given = np.all(np.abs(rows.velocity_n) < _ABSURD, axis=1)
     if not given.any():
         notes.append(f"{source}: no row of {', '.join(names.velocity)} holds a velocity, they are not used")
         return {"velocity_n": None, "sd_velocity": None}
     default = np.broadcast_to(DEFAULT_SD_VELOCITY, rows.velocity_n.shape)
-    sigmas = _sigmas(rows.sd_velocity, default, given, names.sd_velocity, "m/s", source, where, notes)
+    told = "gnss.sd_velocity_mps", stated.velocity
+    sigmas = _sigmas(rows.sd_velocity, default, given, names.sd_velocity, "m/s", source, where, notes, told)
     return {"velocity_n": np.where(given[:, None], rows.velocity_n, np.nan), "sd_velocity": sigmas}
 
 
@@ -240,8 +279,11 @@ def _sigmas(
     source: str,
     where: Where,
     notes: list[str],
+    told: tuple[str, Array | None],
 ) -> Array:
-    """Standard deviations with defaults where they are missing; refuses what is not positive in a `needed` row."""
+    """Standard deviations with those told by a key, or else defaults, where they are missing; refuses what is not
+    positive in a `needed` row.
+    """
     given = np.full_like(default, np.nan) if sd is None else sd
     flawed = (given <= 0.0) & needed[:, None]
     if flawed.any():
@@ -253,6 +295,14 @@ def _sigmas(
         )
     missing = ~((given > 0.0) & (given < _ABSURD))
     lacking = missing & needed[:, None]
+    key, values = told
+    if values is not None:
+        if not lacking.any():
+            notes.append(
+                f"{source}: gives its own standard deviations in every row, so that {key} has no effect; to change"
+                " them there are gnss.sd_scale, gnss.velocity_sd_scale and gnss.sd_floor_m"
+            )
+        return np.where(missing, values, given)
     for axis in range(3):
         count = int(np.count_nonzero(lacking[:, axis]))
         if count:

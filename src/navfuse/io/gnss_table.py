@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy as np
 from navfuse.data.logs import GnssLog
 from navfuse.errors import ConfigError, NavfuseWarning
 from navfuse.io.columns import Field, Match, fields, match_columns, require, require_all_or_none
-from navfuse.io.gnss_rows import GnssNames, GnssRows, gnss_log
+from navfuse.io.gnss_rows import GnssNames, GnssRows, StatedSigmas, gnss_log
+from navfuse.io.nineteen_columns import GNSS_PART, is_nineteen_columns, part_of
 from navfuse.io.rtklib_pos import parse_rtklib_pos
 from navfuse.io.tables import EXTENSIONS, check_file, open_table
 from navfuse.io.units import scaled
@@ -27,14 +29,20 @@ N_SATELLITES = Field("n_satellites")
 
 
 def read_gnss(
-    path: str | os.PathLike[str], *, time_offset_s: float = 0.0, epoch: tuple[int, float] | None = None
+    path: str | os.PathLike[str],
+    *,
+    time_offset_s: float = 0.0,
+    epoch: tuple[int, float] | None = None,
+    sd_position_m: Sequence[float] | None = None,
+    sd_velocity_mps: Sequence[float] | None = None,
 ) -> GnssLog:
     """Read a GNSS log.
 
     A native table has ``time_s, lat_deg, lon_deg, height_m`` and optionally ``sd_{north,east,down}_m``, ``vn_mps,
     ve_mps, vd_mps``, ``sd_{vn,ve,vd}_mps``, ``fix``, ``n_satellites``; any unit of :mod:`navfuse.io.units` may stand
     in place of these. A ``.pos`` file is read by :mod:`navfuse.io.rtklib_pos`. Checks, repairs and the defaults of
-    missing standard deviations are those of :func:`navfuse.io.gnss_rows.gnss_log`.
+    missing standard deviations are those of :func:`navfuse.io.gnss_rows.gnss_log`. Of a table of
+    :mod:`navfuse.io.nineteen_columns` the fixes are read.
 
     Parameters
     ----------
@@ -45,6 +53,8 @@ def read_gnss(
     epoch : (week, seconds of week), optional
         GPS time that stamps of a ``.pos`` file are counted from; default the start of the GPS week of its first row.
         Native tables hold their stamps ready and accept none.
+    sd_position_m, sd_velocity_mps : 3 numbers [m], [m/s], optional
+        Standard deviations north, east, down, used where the file has none.
 
     Returns
     -------
@@ -56,7 +66,7 @@ def read_gnss(
     InputError
         If the file cannot be used; the message names row and column and what to do.
     ConfigError
-        If `time_offset_s` or `epoch` is not usable.
+        If `time_offset_s`, `epoch` or a standard deviation is not usable.
 
     Warns
     -----
@@ -65,25 +75,35 @@ def read_gnss(
     """
     if not np.isfinite(time_offset_s):
         raise ConfigError(f"time_offset_s = {time_offset_s} has to be a finite number of seconds")
+    stated = StatedSigmas(_sigmas("sd_position_m", sd_position_m), _sigmas("sd_velocity_mps", sd_velocity_mps))
     path = check_file(path, (*EXTENSIONS, ".pos"))
     if path.suffix.lower() == ".pos":
-        log = parse_rtklib_pos(path, time_offset_s, epoch)
+        log = parse_rtklib_pos(path, time_offset_s, epoch, stated)
     elif epoch is not None:
         raise ConfigError(
             f"epoch = {epoch}: {path} is a native table, whose time_s is relative already; leave epoch out"
         )
     else:
-        log = _parse_table(path, time_offset_s)
+        log = _parse_table(path, time_offset_s, stated)
     for note in log.notes:
         warnings.warn(note, NavfuseWarning, stacklevel=2)
     return log
 
 
-def _parse_table(path: Path, time_offset_s: float) -> GnssLog:
+def _sigmas(name: str, values: Sequence[float] | None) -> Array | None:
+    if values is None:
+        return None
+    sd = np.asarray(values, dtype=float)
+    if sd.shape != (3,) or not (np.isfinite(sd).all() and (sd > 0.0).all()):
+        raise ConfigError(f"{name} = {values} has to be three positive numbers: north, east, down")
+    return sd
+
+
+def _parse_table(path: Path, time_offset_s: float, stated: StatedSigmas) -> GnssLog:
     table = open_table(path)
-    match = match_columns(
-        table.names, (*REQUIRED, *SD_POSITION, *VELOCITY, *SD_VELOCITY, FIX, N_SATELLITES), table.source
-    )
+    joint = is_nineteen_columns(table.names, table.source)
+    known = (*REQUIRED, *SD_POSITION, *VELOCITY, *SD_VELOCITY, FIX, N_SATELLITES)
+    match = part_of(table, GNSS_PART) if joint else match_columns(table.names, known, table.source)
     require(match, REQUIRED, "a GNSS table")
     has_velocity = require_all_or_none(match, VELOCITY, "a GNSS table with velocities")
     has_fix = match.has([FIX.base])
@@ -112,7 +132,8 @@ def _parse_table(path: Path, time_offset_s: float) -> GnssLog:
         fix=values[match.column[FIX.base]] if has_fix else None,
         n_satellites=column(N_SATELLITES) if match.has([N_SATELLITES.base]) else None,
     )
-    return gnss_log(rows, _names(match), table.source, table.where, [*table.notes, *match.note_unknown()])
+    notes = [*table.notes, *match.note_unknown()]
+    return gnss_log(rows, _names(match), table.source, table.where, notes, stated, sparse=joint)
 
 
 def _names(match: Match) -> GnssNames:

@@ -13,6 +13,7 @@ from navfuse.data.logs import ImuLog
 from navfuse.errors import ConfigError, InputError, NavfuseWarning
 from navfuse.io.columns import Field, Match, fields, match_columns, require
 from navfuse.io.imu_plausibility import check_imu_units
+from navfuse.io.nineteen_columns import IMU_PART, is_nineteen_columns, part_of
 from navfuse.io.repair import check_isolated, count_rows, silent_rows, time_order
 from navfuse.io.spikes import spikes
 from navfuse.io.tables import Where, open_table
@@ -43,7 +44,8 @@ def read_imu(
 
     The table has ``time_s`` and either rates (``gyro_{x,y,z}_radps``, ``accel_{x,y,z}_mps2``) or increments over the
     interval that ends at ``time_s`` (``dtheta_{x,y,z}_rad``, ``dvel_{x,y,z}_mps``); any unit of
-    :mod:`navfuse.io.units` may stand in place of these.
+    :mod:`navfuse.io.units` may stand in place of these. Of a table of :mod:`navfuse.io.nineteen_columns` its sensor is
+    read.
 
     Rows with values that are NaN, infinite or beyond 1e6 (in SI units) are repaired if they are isolated (under 1 % of
     the log, at most five in succession): rates are left out; increments are interpolated, since leaving a row out
@@ -85,7 +87,10 @@ def read_imu(
     if not np.isfinite(time_offset_s):
         raise ConfigError(f"time_offset_s = {time_offset_s} has to be a finite number of seconds")
     table = open_table(path)
-    match = match_columns(table.names, (TIME, *RATES, *INCREMENTS), table.source)
+    if is_nineteen_columns(table.names, table.source):
+        match = part_of(table, IMU_PART)
+    else:
+        match = match_columns(table.names, (TIME, *RATES, *INCREMENTS), table.source)
     kind = _kind(match)
     wanted = RATES if kind == "rates" else INCREMENTS
     values = table.read([match.column[field.base] for field in (TIME, *wanted)])

@@ -18,7 +18,7 @@ import numpy as np
 
 from navfuse.data.logs import GnssLog
 from navfuse.errors import ConfigError, InputError
-from navfuse.io.gnss_rows import GnssNames, GnssRows, gnss_log
+from navfuse.io.gnss_rows import UNSTATED, GnssNames, GnssRows, StatedSigmas, gnss_log
 from navfuse.io.gps_time import DAY, WEEK, days_since_epoch, leap_seconds
 
 Array = np.ndarray
@@ -44,7 +44,12 @@ class _Layout:
     sexagesimal: bool
 
 
-def parse_rtklib_pos(path: Path, time_offset_s: float = 0.0, epoch: tuple[int, float] | None = None) -> GnssLog:
+def parse_rtklib_pos(
+    path: Path,
+    time_offset_s: float = 0.0,
+    epoch: tuple[int, float] | None = None,
+    stated: StatedSigmas = UNSTATED,
+) -> GnssLog:
     """Read an RTKLIB solution file.
 
     Q becomes the fix type; rows with Q = 0 are left out. Velocities are used if the file has them; rows whose velocity
@@ -88,7 +93,7 @@ def parse_rtklib_pos(path: Path, time_offset_s: float = 0.0, epoch: tuple[int, f
         velocity=("vx", "vy", "vz") if ecef else ("vn", "ve", "vu"),
         sd_velocity=("sdvx", "sdvy", "sdvz") if ecef else ("sdvn", "sdve", "sdvu"),
     )
-    return gnss_log(rows, names, source, lambda row: f"line {lines[row]}", notes)
+    return gnss_log(rows, names, source, lambda row: f"line {lines[row]}", notes, stated)
 
 
 def _checked_epoch(epoch: tuple[int, float]) -> tuple[int, float]:

@@ -85,9 +85,11 @@ def check_rate(source: str, raw: RawColumns, rate: float) -> list[str]:
         Warnings.
     """
     if not _USUAL_RATES[0] <= rate <= _USUAL_RATES[1]:
+        likely = raw.time is not None and _USUAL_RATES[0] <= 1000.0 * rate <= _USUAL_RATES[1]
+        hint = f" Stamps in milliseconds, divided by 1000, would make it {1000.0 * rate:.6g} Hz" if likely else ""
         return [
             f"{source}: a sampling rate of {rate:.6g} Hz is unusual for an inertial sensor; is the unit of the time "
-            "stamps right?"
+            f"stamps right?{hint}"
         ]
     if raw.time is not None:
         return []

@@ -12,6 +12,7 @@ from navfuse.data.trajectory import Trajectory, wrapped
 from navfuse.errors import InputError, NavfuseWarning
 from navfuse.io.columns import Field, Match, fields, match_columns, require, require_all_or_none
 from navfuse.io.gnss_plausibility import check_position_units
+from navfuse.io.nineteen_columns import TRUTH_PART, is_nineteen_columns, part_of
 from navfuse.io.repair import time_order
 from navfuse.io.tables import CsvTable, ParquetTable, open_table, write_table
 from navfuse.io.units import scaled
@@ -34,7 +35,8 @@ def read_trajectory(path: str | os.PathLike[str]) -> Trajectory:
 
     The table has ``time_s, lat_deg, lon_deg, height_m`` and optionally the velocity, attitude and ``sd_*`` columns of
     the native format, each group whole; any unit of :mod:`navfuse.io.units` may stand in their names. The heading may
-    run on beyond 360 or be negative, and the longitude may be counted to 360.
+    run on beyond 360 or be negative, and the longitude may be counted to 360. Of a table of
+    :mod:`navfuse.io.nineteen_columns` the truth is read.
 
     Parameters
     ----------
@@ -58,9 +60,11 @@ def read_trajectory(path: str | os.PathLike[str]) -> Trajectory:
         For ignored columns, and rows that are sorted or left out because of their stamp (under 1 %).
     """
     table = open_table(path)
-    match = match_columns(
-        table.names, (*REQUIRED, *(field for group in GROUPS.values() for field in group)), table.source
-    )
+    if is_nineteen_columns(table.names, table.source):
+        match = part_of(table, TRUTH_PART)
+    else:
+        known = (*REQUIRED, *(field for group in GROUPS.values() for field in group))
+        match = match_columns(table.names, known, table.source)
     require(match, REQUIRED, "a trajectory")
     present = [name for name, group in GROUPS.items() if require_all_or_none(match, group, "a trajectory")]
     columns = _columns(table, match)

@@ -32,45 +32,17 @@ def rotate_increment(tx, ty, tz, ux, uy, uz):
     )
 
 
-@fused
-def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
-    """Advance an NED navigation state by one increment, in place.
-
-    Parameters
-    ----------
-    nav : (10,) array
-        Latitude, longitude [rad], height [m], velocity north, east, down [m/s], quaternion q_nb.
-    dt : float [s]
-    tx, ty, tz : float [rad]
-        Rotation vector of the body over the interval (coning included), relative to inertial space.
-    ux, uy, uz : float [m/s]
-        Specific-force increment (sculling included, without the velocity-rotation term).
-
-    Returns
-    -------
-    dv : 3-tuple [m/s]
-        The specific-force increment resolved in n.
-    sin_lat, cos_lat : float
-        Of the new latitude.
-
-    Notes
-    -----
-    Second order in `dt`. Gravity, Earth rate and transport rate are evaluated once, at the predicted middle of
-    the interval; the position takes the mean of the velocities (Groves 2013, section 5.3-5.4, with the midpoint in
-    place of his start values). Not valid within a few metres of a pole, where longitude is undefined: use the ECEF
-    mechanization there. No checks are made.
+@fused(inline="always")
+def advance_ned(lat, lon, h, s0, c0, vn, ve, vd, q0, q1, q2, q3, qb, dt, tx, ty, tz, ux, uy, uz):
+    """:func:`step_ned` of numbers: sine and cosine s0, c0 of the latitude and the quaternion qb of the rotation are
+    given, so that there is no branch and no call in it. No checks are made.
     """
-    lat, h = nav[0], nav[2]
-    vn, ve, vd = nav[3], nav[4], nav[5]
-    q0, q1, q2, q3 = nav[6], nav[7], nav[8], nav[9]
-
     bx, by, bz = rotate_increment(tx, ty, tz, ux, uy, uz)
     fn = (1.0 - 2.0 * (q2 * q2 + q3 * q3)) * bx + 2.0 * ((q1 * q2 - q0 * q3) * by + (q1 * q3 + q0 * q2) * bz)
     fe = (1.0 - 2.0 * (q1 * q1 + q3 * q3)) * by + 2.0 * ((q1 * q2 + q0 * q3) * bx + (q2 * q3 - q0 * q1) * bz)
     fd = (1.0 - 2.0 * (q1 * q1 + q2 * q2)) * bz + 2.0 * ((q1 * q3 - q0 * q2) * bx + (q2 * q3 + q0 * q1) * by)
 
     half = 0.5 * dt
-    s0, c0 = sin(lat), cos(lat)
     dlat = half * vn / (WGS84_A * (1.0 - WGS84_E2 * (1.0 - 1.5 * s0 * s0)) + h)
     s = s0 + c0 * dlat
     c = c0 - s0 * dlat
@@ -110,20 +82,53 @@ def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
 
     dlat = half * (vn + vn1) * to_north
     turn = 1.0 - 0.5 * dlat * dlat
-    nav[0] = lat + dlat
-    nav[1] += half * (ve + ve1) * to_east * sec
-    nav[2] = h - half * (vd + vd1)
-    nav[3] = vn1
-    nav[4] = ve1
-    nav[5] = vd1
-
-    qb = quat_from_rotvec((tx, ty, tz))
     p = quat_multiply((q0, q1, q2, q3), qb)
     n0 = 1.0 - 0.125 * (zn * zn + ze * ze + zd * zd)
     q = quat_multiply((n0, -0.5 * zn, -0.5 * ze, -0.5 * zd), p)
     scale = 1.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    nav[6] = q[0] * scale
-    nav[7] = q[1] * scale
-    nav[8] = q[2] * scale
-    nav[9] = q[3] * scale
-    return (dvn, dve, dvd), s0 * turn + c0 * dlat, c0 * turn - s0 * dlat
+    return (
+        (lat + dlat, lon + half * (ve + ve1) * to_east * sec, h - half * (vd + vd1)),
+        (vn1, ve1, vd1),
+        (q[0] * scale, q[1] * scale, q[2] * scale, q[3] * scale),
+        (dvn, dve, dvd),
+        s0 * turn + c0 * dlat,
+        c0 * turn - s0 * dlat,
+    )
+
+
+@fused
+def step_ned(nav, dt, tx, ty, tz, ux, uy, uz):
+    """Advance an NED navigation state by one increment, in place.
+
+    Parameters
+    ----------
+    nav : (10,) array
+        Latitude, longitude [rad], height [m], velocity north, east, down [m/s], quaternion q_nb.
+    dt : float [s]
+    tx, ty, tz : float [rad]
+        Rotation vector of the body over the interval (coning included), relative to inertial space.
+    ux, uy, uz : float [m/s]
+        Specific-force increment (sculling included, without the velocity-rotation term).
+
+    Returns
+    -------
+    dv : 3-tuple [m/s]
+        The specific-force increment resolved in n.
+    sin_lat, cos_lat : float
+        Of the new latitude.
+
+    Notes
+    -----
+    Second order in `dt`. Gravity, Earth rate and transport rate are evaluated once, at the predicted middle of
+    the interval; the position takes the mean of the velocities (Groves 2013, section 5.3-5.4, with the midpoint in
+    place of his start values). Not valid within a few metres of a pole, where longitude is undefined: use the ECEF
+    mechanization there. No checks are made.
+    """
+    r, v, q, f, sin_lat, cos_lat = advance_ned(
+        nav[0], nav[1], nav[2], sin(nav[0]), cos(nav[0]), nav[3], nav[4], nav[5], nav[6], nav[7], nav[8], nav[9],
+        quat_from_rotvec((tx, ty, tz)), dt, tx, ty, tz, ux, uy, uz,
+    )  # fmt: skip
+    nav[0], nav[1], nav[2] = r
+    nav[3], nav[4], nav[5] = v
+    nav[6], nav[7], nav[8], nav[9] = q
+    return f, sin_lat, cos_lat

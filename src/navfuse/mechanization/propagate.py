@@ -229,6 +229,14 @@ class Propagator:
         """An empty accumulator for one covariance step."""
         return np.zeros(ACC_SIZE if self._space.inertial > PAIR else ACC_CROSS)
 
+    def keep(self, acc: np.ndarray) -> np.ndarray | None:
+        """What of an accumulator a checkpoint has to keep: nothing between two covariance steps."""
+        return acc.copy() if acc[ACC_TIME] > 0.0 else None
+
+    def resume(self, kept: np.ndarray | None) -> np.ndarray:
+        """An accumulator from what :meth:`keep` kept."""
+        return self.accumulator() if kept is None else kept.copy()
+
     def buffers(self, rows: int, transitions: bool) -> tuple[np.ndarray, ...]:
         """Empty output buffers of :func:`propagate`: time, nav, x, P and F (without rows unless `transitions`)."""
         n = self.size

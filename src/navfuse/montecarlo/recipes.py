@@ -60,6 +60,8 @@ class Case:
     settings : FilterSettings
     smooth : bool
         Run the smoother too.
+    estimator : str
+        Key of :data:`navfuse.filters.kinds.FILTERS`.
     """
 
     logs: SimulatedLogs
@@ -68,6 +70,7 @@ class Case:
     sensors: tuple[AidingSensor, ...]
     settings: FilterSettings
     smooth: bool = False
+    estimator: str = "ekf"
 
 
 Recipe = Callable[[int], Case]

@@ -21,7 +21,7 @@ from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.gaps import gap_limit
 from navfuse.imu.increments import to_increments
 from navfuse.montecarlo.recipes import TRUTHFUL, Case, Recipe, Tampering
-from navfuse.pipeline import filter_settings, gnss_sensors, process, project_inputs, read_logs
+from navfuse.pipeline import builder_of, filter_settings, gnss_sensors, process, project_inputs, read_logs
 from navfuse.scenario_files import project_tables
 from navfuse.simulation import (
     Motion,
@@ -241,7 +241,8 @@ def _case(
     if not whole:
         settings = _settings(project, logs.imu, recipe.frame)
     sensors = tuple(gnss_sensors(project, recipe.tampering.gnss(logs.gnss)))
-    return Case(logs, start, model, sensors, settings, recipe.smooth)
+    builder_of(project.filter.estimator)
+    return Case(logs, start, model, sensors, settings, recipe.smooth, project.filter.estimator)
 
 
 def _settings(project: Project, imu: ImuLog, frame: str | None) -> FilterSettings:

@@ -20,8 +20,8 @@ from navfuse.data.layout import CROSS_PAIRS, Layout
 from navfuse.data.nav_state import boxplus_navigation
 from navfuse.data.result import Innovations
 from navfuse.errors import ConfigError
-from navfuse.filters.ekf import ErrorStateFilter
 from navfuse.filters.event import split
+from navfuse.filters.kinds import FILTERS
 from navfuse.filters.record import Checkpoint, FilterRecord, collect_innovations
 from navfuse.imu.gaps import gap_limit
 from navfuse.imu.increments import to_increments
@@ -33,6 +33,8 @@ Array = np.ndarray
 
 SAME_TIME = 1e-6
 """Epochs closer than this [s] are one."""
+FOUND_SD = np.radians(3.0)
+"""Of an attitude [rad] that was unknown and has been found."""
 MOST_EPOCHS = 2500
 """Of a run that are judged, and measurements of a source that are kept, spread evenly over it."""
 
@@ -108,7 +110,7 @@ def run_case(case: Case, seed: int = 0) -> RunRecord:
     begin = perf_counter()
     increments = to_increments(case.logs.imu, gap_limit(case.logs.imu.time))
     increments = increments.piece(int(np.searchsorted(increments.time, case.start.time - SAME_TIME)))
-    estimator = ErrorStateFilter(case.start, case.model, case.sensors, case.settings)
+    estimator = FILTERS[case.estimator](case.start, case.model, case.sensors, case.settings)
     estimator.feed(increments)
     record = estimator.record
     kept = _epochs(record.checkpoints)
@@ -170,8 +172,14 @@ def _some(index: Array) -> Array:
 
 
 def _behind_held_heading(checkpoints: list[Checkpoint]) -> int:
-    """How many checkpoints there are up to the last at which the heading was held."""
-    return max((k + 1 for k, checkpoint in enumerate(checkpoints) if checkpoint.held.any()), default=0)
+    """How many checkpoints there are up to the last at which the heading was held, and from there on until it was
+    found: no smoother is linear over that.
+    """
+    first = max((k + 1 for k, checkpoint in enumerate(checkpoints) if checkpoint.held.any()), default=0)
+    if first == 0:
+        return 0
+    known = (k for k in range(first, len(checkpoints)) if np.diagonal(checkpoints[k].P)[6:9].max() < FOUND_SD**2)
+    return next(known, len(checkpoints))
 
 
 def _innovations(record: FilterRecord) -> Innovations:

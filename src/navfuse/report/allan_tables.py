@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from navfuse.analysis.allan.identify import Identification
+from navfuse.analysis.allan.recommend import BiasModel
 from navfuse.analysis.allan.spectra import Autocorrelation
 from navfuse.analysis.allan.study import AllanStudy, AxisStudy
 from navfuse.analysis.allan.terms import FLOOR, NAMES, Term
@@ -19,8 +20,15 @@ FLOOR_NOTE = (
 )
 
 
-def to_dict(study: AllanStudy) -> dict[str, Any]:
-    """Every value with its interval; the key of each number ends in its unit."""
+def to_dict(study: AllanStudy, imu: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Every value with its interval; the key of each number ends in its unit.
+
+    Parameters
+    ----------
+    study : AllanStudy
+    imu : dict, optional
+        Keys of ``[imu]`` as they are recommended, to be told with the rest.
+    """
     return {
         "source": study.source,
         "holds": study.kind,
@@ -32,7 +40,32 @@ def to_dict(study: AllanStudy) -> dict[str, Any]:
         "confidence": study.settings.level,
         "bias_instability": FLOOR_NOTE,
         "warnings": list(study.warnings),
+        "bias_models": {
+            sensor: bias_dict(model, sensor) for sensor, model in (("gyro", study.gyro), ("accel", study.accel))
+        },
+        **({} if imu is None else {"imu": imu}),
         "axes": {axis.name.replace(" ", "_"): axis_dict(axis) for axis in study.axes},
+    }
+
+
+def bias_dict(model: BiasModel | None, sensor: str) -> dict[str, Any] | None:
+    """The recommended model of a bias, the axes of the sensor in their order; None where no bias is seen."""
+    if model is None:
+        return None
+    _, unit, factor = RATE_UNITS[sensor]
+    _, walk_unit, walk_factor = TERM_UNITS[sensor]["K"][0]
+    walk = math.isinf(model.tau)
+    return {
+        "shape": "random walk" if walk else "Gauss-Markov process",
+        f"sd_{unit}": [value / factor for value in model.sd],
+        "tau_s": None if walk else model.tau,
+        "relative_error": math.expm1(model.error),
+        "fitted_s": list(model.span),
+        "random_walk": {
+            f"walk_{walk_unit}": [value / walk_factor for value in model.free_walk],
+            "relative_error": math.expm1(model.free_error),
+            "held_below_k": list(model.held),
+        },
     }
 
 
@@ -50,10 +83,11 @@ def axis_dict(axis: AxisStudy) -> dict[str, Any]:
     return {
         f"mean_{unit}": axis.mean / factor,
         f"sd_{unit}": axis.sd / factor,
-        f"resolution_{unit}": axis.check.step / factor,
+        f"resolution_{unit}": axis.check.step / factor if axis.check.step else None,
         "missing_samples": axis.missing,
         "saturated_samples": axis.check.saturated,
         "stuck_samples": axis.check.stuck,
+        "used_for_imu": not axis.check.clipped,
         f"trend_{unit}": axis.check.trend / factor,
         "terms": terms,
         "fit": {

@@ -25,11 +25,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from navfuse.core.fused import fused
+from navfuse.core.rotation import left_jacobian, mat_t_vec
 from navfuse.data.nav_state import describe_rows
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import ConfigError
-from navfuse.filters.ekf import ErrorStateFilter
-from navfuse.filters.event import parts, split
+from navfuse.filters.event import parts, room, split
+from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.record import Checkpoint, trajectory_from_rows
 from navfuse.imu.increments import ImuIncrements
 from navfuse.mechanization.propagate import TIME_TOLERANCE, identity_transition
@@ -134,24 +135,53 @@ def _uncorrelate_direction(held, P):
 
 
 @fused
+def _back_across_turn(G, lam, Lam):
+    """Carry the adjoint to before a correction that made ``d + (G - D) psi`` of a navigation error d with the attitude
+    psi, D the columns (9, 3) of the identity that belong to it. No checks are made.
+    """
+    n = lam.size
+    turned = np.empty(3)
+    for c in range(3):
+        turned[c] = 0.0
+        for k in range(9):
+            turned[c] += G[k, c] * lam[k]
+    for c in range(3):
+        lam[6 + c] = turned[c]
+    for i in range(n):
+        for c in range(3):
+            turned[c] = 0.0
+            for k in range(9):
+                turned[c] += Lam[i, k] * G[k, c]
+        for c in range(3):
+            Lam[i, 6 + c] = turned[c]
+    for i in range(n):
+        for c in range(3):
+            turned[c] = 0.0
+            for k in range(9):
+                turned[c] += Lam[k, i] * G[k, c]
+        for c in range(3):
+            Lam[6 + c, i] = turned[c]
+
+
+@fused
 def _back_across_update(numbers, d, turned, lam, Lam, work):
     """Carry the adjoint from after a measurement update to before it.
 
     `numbers` is what :func:`navfuse.filters.event.take` left behind of the d values; `turned` tells whether the
-    estimate was corrected. No checks are made.
+    estimate was corrected. An unscented filter leaves behind what its correction did to the navigation error as well.
+    No checks are made.
     """
     n = lam.size
     z, _, Sinv, H, K, dx = parts(numbers, d, n)
-    half = 0.5 if turned else 0.0
-    hx, hy, hz = half * dx[6], half * dx[7], half * dx[8]
-    a, b, c = lam[6], lam[7], lam[8]
-    lam[6], lam[7], lam[8] = a - hy * c + hz * b, b - hz * a + hx * c, c - hx * b + hy * a
-    for i in range(n):
-        a, b, c = Lam[i, 6], Lam[i, 7], Lam[i, 8]
-        Lam[i, 6], Lam[i, 7], Lam[i, 8] = a - hy * c + hz * b, b - hz * a + hx * c, c - hx * b + hy * a
-    for i in range(n):
-        a, b, c = Lam[6, i], Lam[7, i], Lam[8, i]
-        Lam[6, i], Lam[7, i], Lam[8, i] = a - hy * c + hz * b, b - hz * a + hx * c, c - hx * b + hy * a
+    if numbers.size > room(d, n):
+        _back_across_turn(numbers[room(d, n) :].reshape((9, 3)), lam, Lam)
+    elif turned:
+        J = left_jacobian((dx[6], dx[7], dx[8]))
+        lam[6], lam[7], lam[8] = mat_t_vec(J, (lam[6], lam[7], lam[8]))
+        for i in range(n):
+            Lam[i, 6], Lam[i, 7], Lam[i, 8] = mat_t_vec(J, (Lam[i, 6], Lam[i, 7], Lam[i, 8]))
+        for i in range(n):
+            Lam[6, i], Lam[7, i], Lam[8, i] = mat_t_vec(J, (Lam[6, i], Lam[7, i], Lam[8, i]))
     for e in range(d):
         v = 0.0
         for i in range(n):
@@ -213,7 +243,7 @@ def _smooth_states(s, x, P, lam, Lam, value, sd):
 
 
 def smooth(
-    filter_: ErrorStateFilter,
+    filter_: NavigationFilter,
     increments: ImuIncrements,
     progress: Callable[[float], None] | None = None,
     events: Sequence[int] = (),
@@ -222,7 +252,7 @@ def smooth(
 
     Parameters
     ----------
-    filter_ : ErrorStateFilter
+    filter_ : NavigationFilter
         After its last increment, with ``settings.checkpoints`` on from the start.
     increments : ImuIncrements
         All increments it was fed since it was made or restored, as one block.
@@ -315,7 +345,7 @@ def _smooth_stretch(filter_, increments, checkpoint, t_end, lam, Lam, work, tile
     propagator = filter_.propagator
     nav, s, x, P = split(checkpoint.carried.copy())
     F, last = identity_transition(n), np.zeros(6)
-    acc = propagator.accumulator() if checkpoint.acc is None else checkpoint.acc.copy()
+    acc = propagator.resume(checkpoint.acc)
     capacity = 0 if period < 0 else CHUNK_ROWS
     at, t = checkpoint.index, checkpoint.time
     while True:

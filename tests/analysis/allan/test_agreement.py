@@ -28,7 +28,7 @@ def test_the_probability_is_uniform_if_the_model_is_true():
     below = []
     for values in walks(300):
         curve = deviation(values, 1.0 / DT, grid=factors)
-        below.append(probability_below(curve, model(curve.tau), values.size))
+        below.append(probability_below(curve, model(curve.tau)))
     for share in (0.1, 0.5, 0.9):
         found = np.mean(np.array(below) < share, axis=0)
         assert np.all(np.abs(found - share) < 4.0 * math.sqrt(share * (1.0 - share) / 300) + 0.03)
@@ -38,11 +38,11 @@ def test_a_true_model_is_not_contradicted_and_a_bounded_process_is():
     kept = 0
     for values in walks(100, seed=1):
         curve = deviation(values, 1.0 / DT, grid=10)
-        kept += too_large_at(curve, probability_below(curve, model(curve.tau), values.size), 0.0) is None
+        kept += too_large_at(curve, probability_below(curve, model(curve.tau)), 0.0) is None
     assert kept >= 99
     white = np.random.default_rng(2).standard_normal(4000)
     curve = deviation(white, 1.0 / DT, grid=10)
-    below = probability_below(curve, model(curve.tau), white.size)
+    below = probability_below(curve, model(curve.tau))
     at = too_large_at(curve, below, 0.0)
     assert at is not None
     assert curve.tau[at] > 50.0
@@ -51,7 +51,7 @@ def test_a_true_model_is_not_contradicted_and_a_bounded_process_is():
     (one,) = disagreements(curve, model(curve.tau), below)
     assert one.ratio > 1.25
     assert one.probability < 0.01
-    (other,) = disagreements(curve, 0.1 * model(curve.tau), probability_below(curve, 0.1 * model(curve.tau), 4000))[:1]
+    (other,) = disagreements(curve, 0.1 * model(curve.tau), probability_below(curve, 0.1 * model(curve.tau)))[:1]
     assert other.ratio < 0.8
 
 
@@ -74,8 +74,8 @@ def test_a_walk_that_is_bounded_is_reported_as_none():
 def test_a_misfit_widens_the_distribution_up_to_a_fifth(misfit):
     values = next(walks(1))
     curve = deviation(values, 1.0, grid=10)
-    plain = probability_below(curve, 1.5 * model(curve.tau), values.size)
-    wider = probability_below(curve, 1.5 * model(curve.tau), values.size, misfit)
+    plain = probability_below(curve, 1.5 * model(curve.tau))
+    wider = probability_below(curve, 1.5 * model(curve.tau), misfit)
     assert np.all(wider[:10] >= plain[:10])
-    most = probability_below(curve, 1.5 * model(curve.tau), values.size, 0.2)
+    most = probability_below(curve, 1.5 * model(curve.tau), 0.2)
     assert np.all(wider[:10] <= most[:10] + 1e-15)

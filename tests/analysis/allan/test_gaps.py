@@ -8,7 +8,16 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from navfuse.analysis.allan import identify
-from navfuse.analysis.allan.gaps import _conditional, bridge_long, bridge_short, simulator, usable
+from navfuse.analysis.allan.gaps import (
+    _SEED,
+    _autocovariance,
+    _conditional,
+    bridge_long,
+    bridge_short,
+    runs,
+    simulator,
+    usable,
+)
 from navfuse.analysis.allan.terms import allan_variance, flicker
 
 RATE = 50.0
@@ -40,9 +49,14 @@ def test_what_can_be_used(gaps, begin, end):
 
 def test_a_conditional_draw_against_the_whole_covariance():
     """Weights and remaining covariance are blocks of the inverse covariance of all samples."""
-    covariance = 0.8 ** np.arange(40.0) * np.cos(np.arange(40.0) / 3.0) + np.where(np.arange(40) == 0, 0.3, 0.0)
-    known, wanted = np.array([0, 1, 2, 5, 6, 9, 30]), np.array([3, 4, 7])
-    weight, root = _conditional(covariance, known, wanted)
+    covariance = 0.8 ** np.arange(48.0) * np.cos(np.arange(48.0) / 3.0) + np.where(np.arange(48) == 0, 0.3, 0.0)
+    place = np.concatenate([np.arange(16), np.arange(19, 35)])
+    chosen = np.array([0, 3, 13, 14, 16, 19, 31])
+    known, wanted = place[chosen], np.array([16, 17, 18])
+    flags = np.isin(np.arange(32), chosen)
+    weights, roots = _conditional(covariance, np.array([np.ones(32, dtype=bool), flags]), 3)
+    assert not weights[1][:, ~flags].any()
+    weight, root = weights[1][:, flags], roots[1]
     both = np.concatenate([wanted, known])
     inverse = np.linalg.inv(toeplitz(covariance)[np.ix_(both, both)])
     remaining = np.linalg.inv(inverse[:3, :3])
@@ -117,3 +131,44 @@ def test_terms_of_a_record_with_gaps(gaps):
     assert abs(np.median(ratios["N"]) - 1.0) < 0.02
     assert abs(np.median(ratios["K"]) - 1.0) < 0.20
     assert abs(inside - 0.683 * 40) < 3.0 * math.sqrt(0.683 * 0.317 * 40)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.04])
+def test_gaps_are_filled_as_one_at_a_time(share):
+    """The twin solves for one gap after the other from the samples around that are there, with the same draws."""
+    rng = np.random.default_rng(11)
+    values = np.convolve(rng.standard_normal(6000), [0.5, 0.3, 0.2], "same") + 1e-2 * np.cumsum(
+        rng.standard_normal(6000)
+    )
+    values[rng.random(values.size) < share] = np.nan
+    values[[0, -1]] = 0.0
+    values[[1, 2, -2]] = np.nan
+    values[300:316] = np.nan
+    values[400:417] = np.nan
+    covariance = _autocovariance(values, 48)
+    drawn = np.random.default_rng(_SEED)
+    wanted = values.copy()
+    for a, b in runs(np.isnan(values)):
+        if b - a > 16:
+            continue
+        begin, end = max(0, a - 16), min(values.size, b + 16)
+        level = np.nanmean(values[max(0, a - 500) : b + 500])
+        known = begin + np.flatnonzero(np.isfinite(values[begin:end]))
+        seen = covariance[np.abs(np.subtract.outer(known, known))] + 1e-9 * covariance[0] * np.eye(known.size)
+        cross = covariance[np.abs(np.subtract.outer(np.arange(a, b), known))]
+        rest = covariance[np.abs(np.subtract.outer(np.arange(a, b), np.arange(a, b)))]
+        size, vectors = np.linalg.eigh(rest - cross @ np.linalg.solve(seen, cross.T))
+        expected = level + cross @ np.linalg.solve(seen, values[known] - level)
+        wanted[a:b] = expected + (vectors * np.sqrt(np.maximum(size, 0.0))) @ vectors.T @ drawn.standard_normal(b - a)
+    found = values.copy()
+    bridge_short(found)
+    assert np.count_nonzero(np.isnan(found)) == 17
+    assert found == pytest.approx(wanted, abs=1e-9, nan_ok=True)
+
+
+def test_runs():
+    flags = np.array([True, True, False, True, False, False, True])
+    assert runs(flags) == [(0, 2), (3, 4), (6, 7)]
+    assert runs(~flags) == [(2, 3), (4, 6)]
+    assert runs(np.zeros(4, dtype=bool)) == []
+    assert runs(np.ones(4, dtype=bool)) == [(0, 4)]

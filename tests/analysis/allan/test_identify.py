@@ -217,10 +217,13 @@ def test_what_the_deviation_does_not_hold_is_not_reported():
     ("values", "message"),
     [
         (np.ones(5000), "constant: a channel without any noise"),
-        (np.arange(100.0), "100 samples is too short to identify noise: at least 1000"),
+        (np.arange(100.0), "100 samples are too short a record to identify noise: at least 1000"),
         (np.where(np.arange(5000) == 7, np.inf, np.arange(5000.0)), "values that are infinite"),
-        (np.where(np.arange(5000) % 4 == 0, np.nan, np.arange(5000.0)), "a record of 3 samples is too short"),
-        (np.full(5000, np.nan), "a record of 0 samples is too short"),
+        (
+            np.where(np.arange(5000) % 4 == 0, np.nan, np.arange(5000.0)),
+            "25 % of the samples are missing, so that no part of 1000 .* most 5 % missing .the longest has 3",
+        ),
+        (np.full(5000, np.nan), "0 samples are too short a record to identify noise"),
         (np.ones((5000, 2)), "one axis at a time"),
     ],
 )

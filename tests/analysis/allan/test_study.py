@@ -146,7 +146,57 @@ def test_stuck_and_saturated_are_told():
     record.channels[1].values[:] = np.clip(record.channels[1].values, -2e-3, 2e-3)
     texts = study(record, StudySettings(grid="octave")).warnings
     assert any("gyro x repeats one value 200 times, from 80 s" in text for text in texts)
-    assert any("gyro y" in text and "stand at the end of the range: it is saturated" in text for text in texts)
+    assert any(
+        "gyro y" in text and "stand at the end of the range: it is saturated; its noise" in text for text in texts
+    )
+
+
+def test_stuck_samples_are_gaps():
+    record, plain = still(), still()
+    record.channels[0].values[4000:9000] = record.channels[0].values[4000]
+    record.channels[0].values[12_000:12_100] = record.channels[0].values[12_000]
+    plain.channels[0].values[4001:9000] = np.nan
+    plain.channels[0].values[12_001:12_100] = np.nan
+    found, wanted = study(record, StudySettings(grid="octave")), study(plain, StudySettings(grid="octave"))
+    assert found.axes[0].check.held == ((4000, 8999), (12_000, 12_099))
+    assert found.axes[0].missing == 4999 + 99
+    assert found.axes[0].curves["oadev"].deviation == pytest.approx(wanted.axes[0].curves["oadev"].deviation, rel=1e-12)
+    term, other = (one.axes[0].identification.term("N") for one in (found, wanted))
+    assert (term.value, term.sigma) == pytest.approx((other.value, other.sigma), rel=1e-9)
+    assert any("and 1 times more; repeated samples count as missing" in text for text in found.warnings)
+    with pytest.raises(InputError, match="gyro x: 5098 samples are missing or stuck, the first 80.02 s"):
+        study(record, StudySettings(gaps="refuse"))
+
+
+def test_a_coarse_output_that_repeats_itself_is_kept():
+    values = np.round(np.random.default_rng(0).standard_normal(20_000) * 0.5)
+    values[5000:5400] = 0.0
+    found = check_channel(values, RATE)
+    assert found.stuck is not None
+    assert found.stuck[0] <= 5000 < 5399 <= found.stuck[1]
+    assert found.held == ()
+    record = dataclasses.replace(still(), channels=(Channel("gyro x", "gyro", 1e-3 * values),))
+    texts = study(record, StudySettings(grid="octave")).warnings
+    assert any("it was stuck there, or its resolution is too coarse to tell" in text for text in texts)
+
+
+def test_a_saturated_axis_is_kept_out_of_the_settings():
+    record = still()
+    for channel in record.channels[:2]:
+        channel.values[:] = np.clip(channel.values, -1e-3, 1e-3)
+    found = study(record, StudySettings(grid="octave"))
+    assert [axis.check.clipped for axis in found.axes] == [True, True, False, False, False, False]
+    assert found.white("gyro") == found.axes[2].identification.term("N").value
+    assert "gyro: gyro x, gyro y saturated, which hides its noise: not used" in remarks(found)
+    record.channels[2].values[:] = np.clip(record.channels[2].values, -1e-3, 1e-3)
+    found = study(record, StudySettings(grid="octave"))
+    assert math.isnan(found.white("gyro"))
+    assert found.gyro is None
+    assert filter_settings(found)[1] == ["vrw"]
+    assert any(text.startswith("gyro: every axis is saturated, which hides its noise") for text in remarks(found))
+    few = still()
+    few.channels[0].values[:] = np.clip(few.channels[0].values, -3.4e-3, 3.4e-3)
+    assert not study(few, StudySettings(grid="octave")).axes[0].check.clipped
 
 
 def test_temperature():
@@ -180,7 +230,7 @@ def test_missing_samples():
     assert (found.axes[0].identification.begin, found.axes[0].identification.filled) == (9200, 1)
     assert any("the longest part with short gaps only: 1 samples are replaced" in text for text in found.warnings)
     record.channels[0].values[::10] = np.nan
-    with pytest.raises(InputError, match="log.csv: gyro x: a record of 9 samples is too short"):
+    with pytest.raises(InputError, match="log.csv: gyro x: 10.9 % of the samples are missing"):
         study(record, StudySettings(grid="octave"))
 
 
@@ -309,13 +359,15 @@ def test_turn_on_makes_a_walk():
     assert np.median(plain.axes("gyro_bias_sd")) == pytest.approx(1e-4, rel=0.25)
     assert math.isinf(started.gyro_bias_tau)
     assert started.axes("gyro_bias_sd") == pytest.approx(np.hypot(1e-2, plain.axes("gyro_bias_sd")))
+    assert found.gyro is not None
+    assert started.axes("gyro_bias_walk") == pytest.approx(found.gyro.free_walk)
     drive = plain.axes("gyro_bias_sd") * (2.0 / plain.gyro_bias_tau) ** 0.5
-    assert started.axes("gyro_bias_walk") == pytest.approx(drive)
+    assert np.all(started.axes("gyro_bias_walk") < drive)
     assert any("gyro_bias_sd: left to the grade" in text for text in remarks(found))
     assert not any("gyro_bias_sd: left to the grade" in text for text in remarks(found, (1e-2, None)))
     left, fields = filter_settings(found)
     assert fields[:2] == ["arw", "gyro_bias_walk"]
-    assert left.axes("gyro_bias_walk") == pytest.approx(drive)
+    assert left.axes("gyro_bias_walk") == pytest.approx(found.gyro.free_walk)
     known, fields = filter_settings(found, 1e-2)
     assert fields[:4] == ["arw", "gyro_bias_sd", "gyro_bias_tau", "gyro_bias_walk"]
     assert known.axes("gyro_bias_sd") == pytest.approx(started.axes("gyro_bias_sd"))
@@ -343,7 +395,9 @@ def test_a_term_that_needs_a_longer_record_is_told_and_kept_out():
 
 def test_an_axis_without_a_visible_bias_takes_the_largest_of_the_others():
     found = study(still(), StudySettings(grid="octave", terms=("N",)))
-    model = BiasModel((1e-5, 0.0, 2e-5), math.inf, (1e-6, 0.0, 2e-6), 0.1, (1.0, 100.0))
+    model = BiasModel(
+        (1e-5, 0.0, 2e-5), math.inf, (1e-6, 0.0, 2e-6), 0.1, (1.0, 100.0), (1e-6, 0.0, 2e-6), 0.1, (False,) * 3
+    )
     settings, fields = filter_settings(replace(found, gyro=model), 1e-4)
     assert settings.axes("gyro_bias_walk") == pytest.approx([1e-6, 2e-6, 2e-6])
     assert fields == ["arw", "gyro_bias_sd", "gyro_bias_tau", "gyro_bias_walk", "vrw"]
@@ -361,18 +415,21 @@ def test_a_model_that_the_curve_does_not_follow_is_told():
     assert not any("fitted model" in text for text in study(still(), StudySettings(terms=("N",))).warnings)
 
 
-def test_memory_of_a_study():
-    """At most three times the record in all: it, and two vectors of its length."""
+@pytest.mark.parametrize(("share", "most"), [(0.0, 2.0), (0.01, 3.0)])
+def test_memory_of_a_study(share, most):
+    """Vectors of the length of the record beside it: two, and three where samples are missing."""
     import tracemalloc
 
     whole = still(1_000_000)
     record = dataclasses.replace(whole, channels=whole.channels[:1])
+    values = record.channels[0].values
+    values[np.random.default_rng(1).random(values.size) < share] = np.nan
     study(record.between(0, 2000))
     tracemalloc.start()
     study(record)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak < 2.0 * record.channels[0].values.nbytes
+    assert peak < most * values.nbytes
 
 
 def test_spectrum_and_autocorrelation():

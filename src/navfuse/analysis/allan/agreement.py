@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from navfuse.analysis.allan.confidence import degrees_of_freedom
 from navfuse.analysis.allan.deviations import DeviationCurve
 from navfuse.analysis.allan.fitting import GOOD_ENOUGH
 
@@ -51,7 +50,7 @@ class Disagreement:
     probability: float
 
 
-def probability_below(curve: DeviationCurve, model: Array, samples: int, misfit: float = 0.0) -> Array:
+def probability_below(curve: DeviationCurve, model: Array, misfit: float = 0.0, error: Array | float = 0.0) -> Array:
     """Probability that a record of the model has an Allan deviation below the measured one.
 
     Parameters
@@ -60,23 +59,28 @@ def probability_below(curve: DeviationCurve, model: Array, samples: int, misfit:
         One of :data:`ALLAN_KINDS`.
     model : (t,) array
         Allan variance of the model at the averaging times of the curve.
-    samples : int
-        Of the record.
     misfit : float
         Relative error of the density of the model. It is allowed for as if it were the same at all frequencies, but
         not beyond :data:`~navfuse.analysis.allan.fitting.GOOD_ENOUGH`: a worse model has no claim to the benefit of
         the doubt.
+    error : (t,) array or float
+        Relative one sigma of the model, where it was fitted to another part of the record than the curve is of.
 
     Returns
     -------
     (t,) array
+
+    Notes
+    -----
+    The degrees of freedom are those of the stretches that the curve was averaged over. A record with gaps has fewer
+    than one as long without, at long averaging times by far.
     """
     from scipy.special import gammainc
 
     slope = np.gradient(np.log(model), np.log(curve.tau))
     alpha = np.clip(np.rint(-1.0 - slope), -2, 2).astype(int)
-    edf = [degrees_of_freedom(curve.kind, int(a), int(m), samples) for a, m in zip(alpha, curve.factor, strict=True)]
-    half = 0.5 / (1.0 / np.maximum(edf, 1.0) + 0.5 * min(misfit, GOOD_ENOUGH) ** 2)
+    edf = curve.degrees_of_freedom(alpha)
+    half = 0.5 / (1.0 / np.maximum(edf, 1.0) + 0.5 * (min(misfit, GOOD_ENOUGH) ** 2 + np.square(error)))
     return gammainc(half, half * curve.deviation**2 / model)
 
 

@@ -62,6 +62,8 @@ class DeviationCurve:
     bias : (t,) array
         What the squared deviation is expected to be, over the true one: 1 but for total deviations, which are low at
         long averaging times. `deviation` is as defined, without a correction; `low` and `high` are for the true one.
+    size, times : (s,) int arrays
+        Samples of the stretches without gaps, each size once, and how many stretches have it.
     """
 
     kind: str
@@ -75,6 +77,19 @@ class DeviationCurve:
     count: Array
     level: float
     bias: Array
+    size: Array
+    times: Array
+
+    def degrees_of_freedom(self, alpha: Array) -> Array:
+        """Equivalent degrees of freedom of the stretches together, for other noise types (t,) than those found."""
+        found = np.empty(self.factor.size)
+        for k, (m, a) in enumerate(zip(self.factor.tolist(), alpha.tolist(), strict=True)):
+            factors = self.factor[k : k + 1]
+            count = difference_counts(_KERNEL[self.kind], self.size, factors, self.kind not in ("adev", "hdev"))[0]
+            used = count > 0
+            edf = degrees_of_freedom(self.kind, a, m, self.size[used])
+            found[k] = pooled(edf, count[used], self.times[used])
+        return found
 
 
 def deviation(
@@ -203,7 +218,7 @@ def curve_of_phases(
         edf[k], bias[k], low[k], high[k] = _spread(kind, a, m, size, times, counts(k), level)
     return DeviationCurve(
         kind, tau, factors, np.sqrt(variance), np.sqrt(variance / bias * low), np.sqrt(variance / bias * high),
-        edf, exponents, count, level, bias,
+        edf, exponents, count, level, bias, size, times,
     )  # fmt: skip
 
 

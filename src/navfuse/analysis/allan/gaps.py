@@ -36,13 +36,20 @@ _REACH = 16
 _BLOCK = 1024
 _BLOCKS = 256
 _LEVEL = 500
+_PATTERNS = 512
 _SEED = 952
+
+
+def run_bounds(flags: Array) -> Array:
+    """Beginnings and ends (not included) of the runs of true flags, (g, 2)."""
+    edge = np.flatnonzero(flags[1:] != flags[:-1]) + 1
+    ends = [[0] if flags[0] else [], edge, [flags.size] if flags[-1] else []]
+    return np.concatenate(ends).astype(np.int64).reshape(-1, 2)
 
 
 def runs(flags: Array) -> list[tuple[int, int]]:
     """Beginnings and ends (not included) of the runs of true flags."""
-    edge = np.diff(flags.astype(np.int8), prepend=np.int8(0), append=np.int8(0))
-    return list(zip(np.flatnonzero(edge == 1).tolist(), np.flatnonzero(edge == -1).tolist(), strict=True))
+    return [(begin, end) for begin, end in run_bounds(flags).tolist()]
 
 
 def usable(values: Array) -> slice:
@@ -76,40 +83,61 @@ def usable(values: Array) -> slice:
 
 
 def bridge_short(values: Array) -> None:
-    """Fill gaps of up to 16 samples, in place; the first and the last sample are there."""
-    missing = ~np.isfinite(values)
-    gaps = [(a, b) for a, b in runs(missing) if b - a <= SHORT]
-    if not gaps:
+    """Fill gaps of up to 16 samples, in place; the first and the last sample are there.
+
+    Gaps with the same samples around them share one solution.
+    """
+    bounds = run_bounds(~np.isfinite(values))
+    bounds = bounds[bounds[:, 1] - bounds[:, 0] <= SHORT]
+    if not bounds.size:
         return
-    rng = np.random.default_rng(_SEED)
     covariance = _autocovariance(values, 2 * _REACH + SHORT)
-    # Levels first: what is filled must not be taken for data at the next gap.
-    bounds = np.array(gaps)
-    level = np.empty(len(gaps))
+    # Levels and expectations first: what is filled must not be taken for data at the next gap.
+    level = np.empty(len(bounds))
     _levels(values, bounds, _LEVEL, level)
-    solved: dict[bytes, tuple[Array, Array]] = {}
-    filled = []
-    for (a, b), mean in zip(gaps, level, strict=True):
-        begin, end = max(0, a - _REACH), min(values.size, b + _REACH)
-        known = np.flatnonzero(~missing[begin:end])
-        key = bytes([b - a, a - begin]) + known.astype(np.uint8).tobytes()
-        if key not in solved:
-            solved[key] = _conditional(covariance, known, np.arange(a - begin, b - begin))
-        weight, root = solved[key]
-        around = values[begin:end][known] - mean
-        filled.append(mean + weight @ around + root @ rng.standard_normal(b - a))
-    for (a, b), what in zip(gaps, filled, strict=True):
-        values[a:b] = what
+    width = bounds[:, 1] - bounds[:, 0]
+    start = np.cumsum(width) - width
+    drawn = np.random.default_rng(_SEED).standard_normal(int(width.sum()))
+    filled = np.empty(drawn.size)
+    for size in np.unique(width).tolist():
+        chosen = np.flatnonzero(width == size)
+        # What is beyond an end of the record, or missing itself, is not known.
+        around = _around(values, bounds[chosen], level[chosen])
+        known, which = np.unique(np.isfinite(around), axis=0, return_inverse=True)
+        order = np.argsort(which.ravel(), kind="stable")
+        edge = np.searchsorted(which.ravel()[order], np.arange(0, len(known) + _PATTERNS, _PATTERNS))
+        for first, begin, end in zip(range(0, len(known), _PATTERNS), edge[:-1], edge[1:], strict=True):
+            weight, root = _conditional(covariance, known[first : first + _PATTERNS], size)
+            for part in range(begin, end, _PATTERNS):
+                some = order[part : min(part + _PATTERNS, end)]
+                at = start[chosen[some], None] + np.arange(size)
+                own = which.ravel()[some] - first
+                expected = np.einsum("gij,gj->gi", weight[own], np.nan_to_num(around[some]))
+                scatter = np.einsum("gij,gj->gi", root[own], drawn[at])
+                filled[at] = level[chosen[some], None] + expected + scatter
+    values[np.repeat(bounds[:, 0] - start, width) + np.arange(drawn.size)] = filled
 
 
-def _conditional(covariance: Array, known: Array, wanted: Array) -> tuple[Array, Array]:
-    """Weights of the known samples, and a root of the covariance of what remains."""
-    seen = covariance[np.abs(np.subtract.outer(known, known))] + 1e-9 * covariance[0] * np.eye(known.size)
-    cross = covariance[np.abs(np.subtract.outer(wanted, known))]
-    weight = np.linalg.solve(seen, cross.T).T
-    rest = covariance[np.abs(np.subtract.outer(wanted, wanted))] - weight @ cross.T
-    size, vectors = np.linalg.eigh(rest)
-    return weight, vectors * np.sqrt(np.maximum(size, 0.0))
+def _around(values: Array, bounds: Array, level: Array) -> Array:
+    """The 16 samples before and the 16 after each of some gaps of one length, less its level; NaN where unknown."""
+    where = np.concatenate([np.arange(-_REACH, 0) + bounds[:, :1], np.arange(_REACH) + bounds[:, 1:]], axis=1)
+    inside = (where >= 0) & (where < values.size)
+    return np.where(inside, values[np.clip(where, 0, values.size - 1)], np.nan) - level[:, None]
+
+
+def _conditional(covariance: Array, known: Array, size: int) -> tuple[Array, Array]:
+    """Weights (p, size, 32) of the samples around a gap, 0 where not known (p, 32), and roots of what remains."""
+    place = np.concatenate([np.arange(-_REACH, 0), size + np.arange(_REACH)])
+    wanted = np.arange(size)
+    seen = covariance[np.abs(np.subtract.outer(place, place))] + 1e-9 * covariance[0] * np.eye(place.size)
+    # Those that are not known are put apart as variables of their own.
+    seen = np.where(known[:, :, None] & known[:, None, :], seen, covariance[0] * np.eye(place.size))
+    cross = np.where(known[:, None, :], covariance[np.abs(np.subtract.outer(wanted, place))], 0.0)
+    weight = np.linalg.solve(seen, cross.swapaxes(1, 2)).swapaxes(1, 2)
+    rest = covariance[np.abs(np.subtract.outer(wanted, wanted))] - weight @ cross.swapaxes(1, 2)
+    variance, vectors = np.linalg.eigh(rest)
+    # The symmetric root: the signs of the vectors, and so the draw, would depend on the library.
+    return weight, (vectors * np.sqrt(np.maximum(variance, 0.0))[:, None, :]) @ vectors.swapaxes(1, 2)
 
 
 def _autocovariance(values: Array, lags: int) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from navfuse.analysis.allan.agreement import probability_below, too_large_at
 from navfuse.analysis.allan.deviations import DeviationCurve, curve_of_phases, phase_stretches
 from navfuse.analysis.allan.fitting import GOOD_ENOUGH, Fit, Model, chi_square, choose, reduced
-from navfuse.analysis.allan.gaps import SHORT, bridge_long, bridge_short, runs, simulator, usable
+from navfuse.analysis.allan.gaps import MOST, SHORT, bridge_long, bridge_short, runs, simulator, usable
 from navfuse.analysis.allan.likelihood import CosineSpectrum, Restricted, cosine_spectrum
 from navfuse.analysis.allan.terms import RANDOM_TERMS, TERMS, Flicker, Term, allan_variance, flicker
 from navfuse.errors import ConfigError, InputError
@@ -107,6 +107,19 @@ class Identification:
             total += allan_variance(term.name, tau, values, self.flicker)
         return total
 
+    def relative_error(self, tau: Array) -> Array:
+        """Relative one sigma of the Allan variance of the fitted model, from the standard deviations of its terms."""
+        total = self.allan_variance(tau)
+        slopes, order = np.zeros((len(self.parameters), np.size(tau))), list(self.parameters)
+        for name in (name for name in order if name != "GM_tau"):
+            term = self.term(name)
+            slopes[order.index(name)] = 2.0 * term.sigma / term.value * self.allan_variance(tau, name) / total
+        square = np.einsum("it,ij,jt->t", slopes, self.correlation, slopes)
+        ramp = [term for term in self.terms if term.name == "R" and term.present]
+        for term in ramp:
+            square += (2.0 * term.sigma / term.value * self.allan_variance(tau, "R") / total) ** 2
+        return np.sqrt(square)
+
 
 def identify(
     values: Array,
@@ -161,10 +174,7 @@ def identify_and_bridge(
         raise InputError("the record has values that are infinite")
     part = usable(values)
     if part.stop - part.start < SHORTEST:
-        raise InputError(
-            f"a record of {part.stop - part.start} samples is too short to identify noise: at least {SHORTEST} are "
-            "needed, without long gaps between them"
-        )
+        raise InputError(_too_few(values, part.stop - part.start))
     values = values[part]
     missing = np.isnan(values)
     if np.nanmin(values) == np.nanmax(values):
@@ -184,6 +194,17 @@ def identify_and_bridge(
     else:
         found = _identified(values, rate, terms, flicker_band, share)
     return replace(found, begin=part.start, filled=int(np.count_nonzero(missing))), values
+
+
+def _too_few(values: Array, size: int) -> str:
+    gone = int(np.count_nonzero(np.isnan(values)))
+    if values.size - gone < SHORTEST:
+        return f"{values.size - gone} samples are too short a record to identify noise: at least {SHORTEST} are needed"
+    return (
+        f"{100.0 * gone / values.size:.3g} % of the samples are missing, so that no part of {SHORTEST} samples is left "
+        f"to identify noise in with at most {100.0 * MOST:g} % missing (the longest has {size}); record anew, or cut "
+        "out a part with --from-s and --until-s; deviations alone need no such part: navfuse.analysis.allan.deviation"
+    )
 
 
 def _quietest(found: Identification) -> int:
@@ -241,8 +262,7 @@ def _contradicted(found: Identification, curve: DeviationCurve) -> set[str]:
     """
     random = [term.name for term in found.terms if term.present and term.name in (*RANDOM_TERMS, "GM")]
     parts = np.array([found.allan_variance(curve.tau, name) for name in random])
-    samples = round(found.span / found.spectrum.dt)
-    below = probability_below(curve, parts.sum(axis=0), samples, found.misfit)
+    below = probability_below(curve, parts.sum(axis=0), found.misfit)
     at = too_large_at(curve, below, 1.0 / found.highest)
     return set() if at is None else {random[int(np.argmax(parts[:, at]))]}
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from navfuse.analysis.allan.agreement import ALLAN_KINDS, disagreements, probability_below
+from navfuse.analysis.allan.agreement import ALLAN_KINDS, Disagreement, disagreements, probability_below
 from navfuse.analysis.allan.results import AxisStudy
 from navfuse.io.static_record import StaticRecord
 
@@ -25,10 +25,13 @@ def of_axis(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> li
         begin, end = check.stuck
         notes.append(
             f"{source}: {name} repeats one value {end - begin + 1} times, from {begin / record.rate:.6g} s: it "
-            f"was stuck there"
+            f"was stuck there{_of_held(axis)}"
         )
     if check.saturated:
-        notes.append(f"{source}: {name}: {check.saturated} samples stand at the end of the range: it is saturated")
+        kept = "; its noise is larger than what is seen of it, and is not used for [imu]" if check.clipped else ""
+        notes.append(
+            f"{source}: {name}: {check.saturated} samples stand at the end of the range: it is saturated{kept}"
+        )
     found = axis.identification
     for term in (term for term in found.terms if found.too_short(term)):
         why = f"the record of {found.span:.6g} s is shorter than the {term.least_span:.3g} s that it needs"
@@ -45,6 +48,14 @@ def of_axis(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> li
             f"the other bins is left out (vibration, lines, the edge of a filter); the rest {_how_good(found.misfit)}"
         )
     return notes + _of_curve(source, name, axis, record)
+
+
+def _of_held(axis: AxisStudy) -> str:
+    held = axis.check.held
+    if not held:
+        return ", or its resolution is too coarse to tell"
+    others = "" if len(held) == 1 else f", and {len(held) - 1} times more"
+    return f"{others}; repeated samples count as missing"
 
 
 def _of_gaps(axis: AxisStudy, record: StaticRecord) -> str:
@@ -67,13 +78,28 @@ def _of_curve(source: str, name: str, axis: AxisStudy, record: StaticRecord) -> 
     if kind not in ALLAN_KINDS or curve.tau.size < 3 or not any(term.present for term in found.terms):
         return []
     model = found.allan_variance(curve.tau)
-    below = probability_below(curve, model, round(found.span * record.rate), found.misfit)
+    # A model of the whole record follows its curve; one of a part of it may be off by what its terms are uncertain of.
+    part = found.span * record.rate < record.channels[0].values.size - 0.5
+    below = probability_below(curve, model, found.misfit, found.relative_error(curve.tau) if part else 0.0)
     return [
         f"{source}: {name}: the fitted model is {one.ratio:.2f} times the measured deviation between {one.begin:.4g} "
         f"and {one.end:.4g} s; chance does that in {_percent(one.probability)} of records with these noise terms, so "
-        "that something else is likely to be there"
+        f"that something else is likely to be there{_bounded(axis, one)}"
         for one in disagreements(curve, model, below, 1.0 / found.highest)
     ]
+
+
+def _bounded(axis: AxisStudy, where: Disagreement) -> str:
+    """What to try where a walk or ramp makes most of a model that is above the curve: its process may be bounded."""
+    found = axis.identification
+    names = [term.name for term in found.terms if term.present and term.name != "sin"]
+    if where.ratio <= 1.0 or not names or any(term.name == "GM" for term in found.terms):
+        return ""
+    tau = np.array([math.sqrt(where.begin * where.end)])
+    most = max(names, key=lambda name: float(found.allan_variance(tau, name)[0]))
+    if most not in ("K", "R"):
+        return ""
+    return f", such as a bias that is bounded, for which {most} stands here: try --terms Q,N,B,K,R,GM"
 
 
 def _percent(probability: float) -> str:

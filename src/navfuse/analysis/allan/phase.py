@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfuse.analysis.allan.gaps import run_bounds
 from navfuse.analysis.allan.kernels import integrate, mean_of_stretches
 from navfuse.errors import ConfigError, InputError
 
@@ -97,5 +98,5 @@ def _stretches(values: Array, gaps: str) -> tuple[Array, Array]:
             f"the record has {int(np.count_nonzero(~good))} missing samples (NaN), the first is sample "
             f'{int(np.argmin(good)) + 1}; gaps = "split" averages over the stretches between them'
         )
-    edge = np.diff(good.astype(np.int8), prepend=0, append=0)
-    return np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)
+    bounds = run_bounds(good)
+    return np.ascontiguousarray(bounds[:, 0]), np.ascontiguousarray(bounds[:, 1])

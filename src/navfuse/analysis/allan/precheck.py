@@ -20,6 +20,10 @@ _SLOWEST = 3
 _NOISE_RATIO = 3.0
 _NEIGHBOURS = 30
 _SATURATED = 20
+CLIPPED = 0.001
+"""Share of the samples at the ends of the range beyond which an axis says too little of its noise."""
+
+_COARSE = 0.3
 _LEVELS = 30
 _TREND = 0.8
 _AT_ONCE = 1 << 16
@@ -207,8 +211,13 @@ class ChannelCheck:
         Smallest difference of two values, the resolution of the output; 0 if they are not on a grid.
     stuck : tuple of (int, int)
         First and last sample of the longest run of equal values, if it is longer than chance allows.
+    held : tuple of (int, int)
+        First and last sample of every run that is so long, where the output is fine enough to change at nearly every
+        sample otherwise: what follows the first one was not measured.
     saturated : int
         Samples at the largest or smallest value, if they pile up there.
+    clipped : bool
+        Whether they are more than :data:`CLIPPED` of all: the noise is larger than what is seen of it.
     trend : float
         Change along the record of a straight line, unit of the values.
     drifts : bool
@@ -218,7 +227,9 @@ class ChannelCheck:
     constant: bool
     step: float
     stuck: tuple[int, int] | None
+    held: tuple[tuple[int, int], ...]
     saturated: int
+    clipped: bool
     trend: float
     drifts: bool
 
@@ -235,9 +246,25 @@ def check_channel(values: Array, rate: float) -> ChannelCheck:
     finite = np.isfinite(values)
     good = values if finite.all() else values[finite]
     if good.size < 2 or np.ptp(good) == 0.0:
-        return ChannelCheck(True, 0.0, None, 0, 0.0, False)
+        return ChannelCheck(True, 0.0, None, (), 0, False, 0.0, False)
     trend, drifts = _trend(values, rate)
-    return ChannelCheck(False, resolution(good), _stuck(good), _saturated(good), trend, drifts)
+    runs, coarse = _stuck(values, good.size)
+    longest = max(runs, key=lambda run: run[1] - run[0], default=None)
+    saturated = _saturated(good)
+    return ChannelCheck(
+        False, resolution(good), longest, () if coarse else tuple(runs), saturated, saturated > CLIPPED * good.size,
+        trend, drifts,
+    )  # fmt: skip
+
+
+def without_held(values: Array, check: ChannelCheck) -> Array:
+    """A record with NaN where it was stuck: a copy, or the record itself where it never was."""
+    if not check.held:
+        return values
+    copy = values.copy()
+    for first, last in check.held:
+        copy[first + 1 : last + 1] = np.nan
+    return copy
 
 
 def resolution(values: Array) -> float:
@@ -261,16 +288,18 @@ def resolution(values: Array) -> float:
     return step if levels.size < 0.2 * min(values.size, 100_000) and np.mean(on_grid) > 0.9 else 0.0
 
 
-def _stuck(values: Array) -> tuple[int, int] | None:
-    """The longest run of equal values, if chance would not make it: ten times what independent values would show."""
+def _stuck(values: Array, known: int) -> tuple[list[tuple[int, int]], bool]:
+    """Runs of equal values that chance would not make, and whether the output repeats itself often without them.
+
+    They are longer than ten times what independent values would show.
+    """
     same = values[1:] == values[:-1]
-    share = min(float(np.mean(same)), 0.98)
-    runs = _true_runs(same)
-    if not runs:
-        return None
-    begin, end = max(runs, key=lambda run: run[1] - run[0])
-    expected = math.log(values.size) / -math.log(share) if share > 0.0 else 1.0
-    return (begin, end) if end - begin > 3.0 * expected + 10.0 else None
+    share = min(float(np.count_nonzero(same)) / (known - 1), 0.98)
+    expected = math.log(known) / -math.log(share) if share > 0.0 else 1.0
+    runs = [run for run in _true_runs(same) if run[1] - run[0] > 3.0 * expected + 10.0]
+    inside = sum(end - begin for begin, end in runs)
+    others = (np.count_nonzero(same) - inside) / max(known - 1 - inside, 1)
+    return runs, bool(others > _COARSE)
 
 
 def _saturated(values: Array) -> int:

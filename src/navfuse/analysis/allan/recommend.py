@@ -5,6 +5,11 @@ time T, the Allan deviation rises as ``s sqrt(2 tau / (3 T))``, peaks at 0.617 s
 ``s sqrt(2 T / tau)``. Its s and T are chosen so that this curve follows that of the bias (B, K, a Gauss-Markov process,
 R: everything that is not white) between where the bias emerges from the white noise and the horizon, by least squares
 in the logarithm. Where a random walk follows as well or better, it is taken.
+
+A walk without bounds is fitted beside it for a filter that starts from a bias at switch-on. The walk that drives the
+process, ``s sqrt(2 / T)``, would be none: beyond T its Allan deviation is far above that of the bias. Over the same
+averaging times the walk is as often too small (at the short ones) as too large, but never above the rate random walk
+that the record allows.
 """
 
 from __future__ import annotations
@@ -40,6 +45,12 @@ class BiasModel:
         Root mean square of the logarithm of modelled over found Allan deviation.
     span : (float, float) [s]
         Averaging times that were fitted.
+    free_walk : (3,) tuple [unit of sd per sqrt(s)]
+        Density of a random walk that stands for the bias alone, `walk` itself where `tau` is infinite.
+    free_error : float
+        Its root mean square of the logarithm of modelled over found Allan deviation.
+    held : (3,) tuple of bool
+        Whether it was lowered to what the record allows.
     """
 
     sd: tuple[float, ...]
@@ -47,9 +58,14 @@ class BiasModel:
     walk: tuple[float, ...]
     error: float
     span: tuple[float, float]
+    free_walk: tuple[float, ...]
+    free_error: float
+    held: tuple[bool, ...]
 
 
-def bias_model(slow: list[Array | None], white: list[float], tau: Array, horizon: float) -> BiasModel | None:
+def bias_model(
+    slow: list[Array | None], white: list[float], tau: Array, horizon: float, most: list[float] | None = None
+) -> BiasModel | None:
     """One Gauss-Markov process, or random walk, for each axis of a sensor.
 
     Parameters
@@ -62,6 +78,9 @@ def bias_model(slow: list[Array | None], white: list[float], tau: Array, horizon
         Averaging times of `slow`, spaced evenly in the logarithm.
     horizon : float [s]
         Longest averaging time to follow.
+    most : list of float, optional
+        Largest rate random walk K of each axis that the record allows, which no random walk exceeds; inf for no limit,
+        which is the default.
 
     Returns
     -------
@@ -86,14 +105,18 @@ def bias_model(slow: list[Array | None], white: list[float], tau: Array, horizon
     if order[-1] <= 1.02 * order[best]:
         best = len(tried) - 1
     error, size = scores[best]
-    found = np.zeros(len(slow))
-    found[[k for k, _ in known]] = np.exp(0.5 * size)
+    index = [k for k, _ in known]
+    found, walk = np.zeros(len(slow)), np.zeros(len(slow))
+    found[index], walk[index] = np.exp(0.5 * size), np.exp(0.5 * scores[-1][1])
+    limit = np.full(len(slow), math.inf) if most is None else np.array(most)
+    held, walk = walk > limit, np.minimum(walk, limit)
+    off = logs - np.log(where / 3.0) - 2.0 * np.log(walk[index])[:, None]
+    free = (tuple(walk.tolist()), 0.5 * math.sqrt(float(np.mean(off**2))), tuple(held.tolist()))
     span = (float(where[0]), float(where[-1]))
     if math.isinf(tried[best]):
-        sd = found * math.sqrt(span[1])
-        return BiasModel(tuple(sd.tolist()), math.inf, tuple(found.tolist()), 0.5 * math.sqrt(error), span)
+        return BiasModel(tuple((walk * math.sqrt(span[1])).tolist()), math.inf, free[0], free[1], span, *free)
     none = (0.0,) * len(slow)
-    return BiasModel(tuple(found.tolist()), float(tried[best]), none, 0.5 * math.sqrt(error), span)
+    return BiasModel(tuple(found.tolist()), float(tried[best]), none, 0.5 * math.sqrt(error), span, *free)
 
 
 def _emerges(slow: Array, white: float, tau: Array, horizon: float) -> float:

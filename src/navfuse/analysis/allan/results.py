@@ -78,7 +78,7 @@ class AxisStudy:
     spectrum : PowerSpectrum
     autocorrelation : Autocorrelation
     missing : int
-        Samples that are not there.
+        Samples that are not there, or were not measured because the axis was stuck.
     """
 
     name: str
@@ -134,10 +134,10 @@ class AllanStudy:
     def white(self, sensor: str) -> float:
         """Root mean square over the axes of the random walk coefficient N, or of its limit where it is not seen.
 
-        Axes whose record is too short for N do not count. NaN where the record has no such sensor, or N was not looked
-        for, or no axis tells.
+        Axes that are clipped, or whose record is too short for N, do not count. NaN where the record has no such
+        sensor, or N was not looked for, or no axis tells.
         """
-        found = [axis.identification for axis in self.of(sensor)]
+        found = [axis.identification for axis in self.of(sensor) if not axis.check.clipped]
         terms = [t for one in found for t in one.terms if t.name == "N" and not one.too_short(t)]
         values = np.array([t.value if t.present else t.limit for t in terms])
         values = values[np.isfinite(values)]

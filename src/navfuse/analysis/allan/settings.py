@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from navfuse.analysis.allan.recommend import BiasModel
-from navfuse.analysis.allan.study import AllanStudy
+from navfuse.analysis.allan.study import AllanStudy, largest_walk
 from navfuse.imu.error_model import ImuErrorModel
 
 
@@ -70,7 +71,9 @@ def filter_settings(
         if math.isfinite(study.white(sensor)):
             fields[noise] = study.white(sensor)
         if model is not None:
-            model = replace(model, sd=_filled(model.sd), walk=_filled(model.walk))
+            most = [math.inf if axis.check.clipped else largest_walk(axis.identification) for axis in study.of(sensor)]
+            walk, free = _filled(model.walk, most), _filled(model.free_walk, most)
+            model = replace(model, sd=_filled(model.sd, []), walk=walk, free_walk=free)
         bias = _bias_fields(sensor, model, start or 0.0, len(study.of(sensor)), walk=start is None)
         if start is None:
             bias = {name: value for name, value in bias.items() if name.endswith("walk")}
@@ -78,8 +81,10 @@ def filter_settings(
     return ImuErrorModel(source=_source(study), **fields), list(fields)  # type: ignore[arg-type]
 
 
-def _filled(values: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(value or max(values) for value in values)
+def _filled(values: tuple[float, ...], most: Sequence[float]) -> tuple[float, ...]:
+    """The largest in place of zeros, but no more than an axis may have."""
+    limits = [*most, *[math.inf] * (len(values) - len(most))]
+    return tuple(value or min(max(values), limit) for value, limit in zip(values, limits, strict=True))
 
 
 def _source(study: AllanStudy) -> str:
@@ -92,12 +97,12 @@ def _bias_fields(
     """Fields of a bias; `walk` makes a random walk of any process, as a turn-on bias does."""
     if model is None:
         return {f"{sensor}_bias_sd": turn_on}
-    sd, drive = np.array(model.sd), np.array(model.walk)
+    sd, drive = np.array(model.sd), np.array(model.free_walk)
     if axes != 3:
         sd, drive = np.full(3, sd.max()), np.full(3, drive.max())
     tau = model.tau
     if (walk or turn_on > 0.0) and math.isfinite(tau):
-        drive, tau = sd * math.sqrt(2.0 / tau), math.inf
+        tau = math.inf
     fields: dict[str, object] = {f"{sensor}_bias_sd": np.hypot(sd, turn_on), f"{sensor}_bias_tau": tau}
     if math.isinf(tau):
         fields[f"{sensor}_bias_walk"] = drive
@@ -124,15 +129,31 @@ def remarks(study: AllanStudy, turn_on: tuple[float | None, float | None] = (Non
     for sensor, model, given in (("gyro", study.gyro, turn_on[0]), ("accel", study.accel, turn_on[1])):
         if not study.of(sensor):
             continue
+        clipped = [axis.name for axis in study.of(sensor) if axis.check.clipped]
+        if len(clipped) == len(study.of(sensor)):
+            lines.append(f"{sensor}: every axis is saturated, which hides its noise: nothing is written, record anew")
+            continue
+        if clipped:
+            lines.append(f"{sensor}: {', '.join(clipped)} saturated, which hides its noise: not used")
         if model is None:
             lines.append(f"{sensor}: no bias but a constant one is seen in this record")
         else:
             if 0.0 in model.sd:
-                lines.append(f"{sensor} bias: an axis that shows none takes the largest of the others")
+                lines.append(
+                    f"{sensor} bias: an axis that shows none takes the largest of the others (a walk: up to its limit)"
+                )
             shape = "a random walk" if math.isinf(model.tau) else f"a Gauss-Markov process of {model.tau:.4g} s"
             lines.append(
                 f"{sensor} bias: {shape} follows the Allan deviation of the in-run bias from {model.span[0]:.3g} to "
-                f"{model.span[1]:.3g} s within {100.0 * math.expm1(model.error):.0f} % (root mean square)"
+                f"{model.span[1]:.3g} s within {_percent(model.error)} % (root mean square)"
+            )
+        if model is not None and math.isfinite(model.tau) and given != 0.0:
+            held = "" if not any(model.held) else ", held below the rate random walk that the record allows"
+            lines.append(
+                f"{sensor}_bias_walk: a random walk in place of this process, fitted over the same averaging "
+                f"times{held}; "
+                f"its Allan deviation is off by {_percent(model.free_error)} % (root mean square), mostly low at the "
+                "short and high at the long ones"
             )
         if given is not None:
             continue
@@ -140,6 +161,8 @@ def remarks(study: AllanStudy, turn_on: tuple[float | None, float | None] = (Non
             f"{sensor}_bias_sd: left to the grade. The bias changes at every switch-on, which no static record shows: "
             f"add the data sheet's repeatability with --{sensor}-turn-on"
         )
-        if model is not None and math.isfinite(model.tau):
-            lines.append(f"{sensor} bias: written as the random walk that drives this process, sd x sqrt(2 / tau)")
     return lines
+
+
+def _percent(error: float) -> str:
+    return f"{100.0 * math.expm1(error):.0f}"

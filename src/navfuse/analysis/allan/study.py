@@ -13,7 +13,7 @@ from navfuse.analysis.allan.deviations import KINDS, curve_of_phases
 from navfuse.analysis.allan.identify import SHORTEST, Identification, identify_and_bridge
 from navfuse.analysis.allan.noise_types import types_of_model
 from navfuse.analysis.allan.phase import phase_stretches
-from navfuse.analysis.allan.precheck import StaticSpan, check_channel, static_span
+from navfuse.analysis.allan.precheck import StaticSpan, check_channel, static_span, without_held
 from navfuse.analysis.allan.recommend import BiasModel, bias_model
 from navfuse.analysis.allan.results import AllanStudy, AxisStudy, StudySettings
 from navfuse.analysis.allan.spectra import autocorrelation, power_spectrum
@@ -25,6 +25,9 @@ Array = np.ndarray
 
 MOST_MOVING = 0.5
 """Share of a record in motion beyond which it is refused."""
+
+_UPPER = 1.645
+"""Sigmas above a rate random walk that it exceeds in 5 % of all records."""
 
 _FAR = 1e15
 """Samples; more than any record has."""
@@ -162,16 +165,17 @@ def _rest(part: StaticRecord, settings: StudySettings, notes: list[str]) -> Stat
 
 
 def _axis(record: StaticRecord, channel: Any, settings: StudySettings) -> AxisStudy:
-    values = channel.values
+    check = check_channel(channel.values, record.rate)
+    values = without_held(channel.values, check)
     good = np.isfinite(values)
     missing = int(values.size - np.count_nonzero(good))
     if missing and settings.gaps == "refuse":
         raise InputError(
-            f"{record.source}: {channel.name}: {missing} samples are missing, the first "
+            f"{record.source}: {channel.name}: {missing} samples are "
+            f"missing{' or stuck' if check.held else ''}, the first "
             f"{int(np.argmin(good)) / record.rate:.6g} s "
             "from the start; --gaps split averages over the stretches between"
         )
-    check = check_channel(values, record.rate)
     try:
         found, whole = identify_and_bridge(values, record.rate, settings.terms, settings.flicker_band)
     except InputError as error:
@@ -185,12 +189,11 @@ def _axis(record: StaticRecord, channel: Any, settings: StudySettings) -> AxisSt
         for kind in settings.kinds
     }  # fmt: skip
     del phases
-    seen = values[good] if missing else values
     return AxisStudy(
         channel.name,
         channel.sensor,
-        float(seen.mean()),
-        float(seen.std()),
+        float(values.mean(where=good)),
+        float(values.std(where=good)),
         curves,
         found,
         check,
@@ -213,13 +216,22 @@ def _bias(axes: Sequence[AxisStudy], sensor: str, span: float, horizon: float) -
         return None
     tau = np.geomspace(1.0, max(10.0, 2.0 * horizon), 200)
     slow: list[Array | None] = []
-    white = []
+    white, most = [], []
     for axis in mine:
         found = axis.identification
-        parts = [found.allan_variance(tau, name) for name in ("B", "K", "GM") if _has(found, name)]
+        used = () if axis.check.clipped else ("B", "K", "GM")
+        parts = [found.allan_variance(tau, name) for name in used if _has(found, name)]
         slow.append(np.sum(parts, axis=0) if parts else None)
         white.append(found.term("N").value if _has(found, "N") else 0.0)
-    return bias_model(slow, white, tau, min(horizon, max(0.25 * span, 4.0)))
+        most.append(largest_walk(found))
+    return bias_model(slow, white, tau, min(horizon, max(0.25 * span, 4.0)), most)
+
+
+def largest_walk(found: Identification) -> float:
+    """Rate random walk that a record allows: the upper value of K, or its limit; inf where nothing is known of it."""
+    walks = [term for term in found.terms if term.name == "K"]
+    upper = next((term.value + _UPPER * term.sigma if term.present else term.limit for term in walks), math.inf)
+    return math.inf if math.isnan(upper) else upper
 
 
 def _has(found: Identification, name: str) -> bool:
