@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 def compare_filters(
     project: Annotated[Path, typer.Argument(metavar="PROJECT.toml", help="Project file, with a GNSS log.")],
     estimators: Annotated[
-        str | None, typer.Option(metavar="NAME,NAME,...", help="Estimators, separated by commas; default ekf, iekf, ukf and ckf.")
+        str | None,
+        typer.Option(metavar="NAME,NAME,...", help="Estimators, separated by commas; default ekf, iekf, ukf and ckf."),
     ] = None,
     truth: Annotated[
         Path | None,
