@@ -20,6 +20,7 @@ def two_estimators(monkeypatch):
         if name != "ekf":
             monkeypatch.delitem(FILTERS, name)
     monkeypatch.setitem(FILTERS, "ukf", hasty)
+    monkeypatch.setattr("navfuse.comparison.USUAL", ("ekf", "ukf"))
 
 
 @pytest.fixture(scope="module")

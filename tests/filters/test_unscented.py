@@ -178,7 +178,7 @@ class Answers(AidingSensor):
     name = "speed"
 
     def __init__(self, way="", times=(2.0, 3.0)):
-        self.way, self.times, self.asked = way, np.array(times), [0] * (len(times) + 1)
+        self.way, self.times, self.first = way, np.array(times), {}
 
     def value(self, k):
         return np.array([np.nan if self.way == "value" else 0.0])
@@ -187,8 +187,7 @@ class Answers(AidingSensor):
         speed = np.linalg.norm(nav.v_n)
         if self.way == "estimate" and k == 1:
             return np.array([np.nan])
-        self.asked[k] += 1
-        if self.way == "point" and k == 1 and self.asked[k] > 1:
+        if self.way == "point" and k == 1 and speed != self.first.setdefault(k, speed):
             return np.array([np.inf])
         return np.array([speed])
 
