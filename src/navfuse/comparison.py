@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 USUAL = ("ekf", "iekf", "ukf", "ckf")
-"""Estimators that any project can be run with; the others change its states or its sensors."""
+"""Estimators that keep the states and the sensors of a project. Where one refuses it, the others are compared."""
 
 WARM_UP_S, WARM_UP_SAMPLES = 30.0, 50
 """Each filter first runs over so much of the log, at least so many samples, that nothing has to be loaded later."""
@@ -117,12 +117,20 @@ def compare_filters(
             stretches = (replace(s, settings=replace(s.settings, checkpoints=True)) for s in prepared.stretches)
             prepared = replace(prepared, stretches=tuple(stretches))
         reference = known or _fixes(prepared.gnss, settings)
-        runs = []
+        runs: list[EstimatorRun] = []
+        refusals: list[str] = []
         for name in names:
             try:
                 runs.append(_run(name, settings, prepared, reference, known is not None, progress or silent))
             except NavfuseError as error:
+                if estimators is None and isinstance(error, ConfigError) and len(names) > 1:
+                    refusals.append(f"{name} is left out: {error}")
+                    continue
                 raise type(error)(f"{name}: {error}") from error
+    if not runs:
+        raise ConfigError("; ".join(refusals))
+    for refusal in refusals:
+        warnings.warn(refusal, NavfuseWarning, stacklevel=2)
     source = str(project) if isinstance(project, str | os.PathLike) else "project"
     return FilterComparison(source, reference, known is not None, tuple(runs))
 

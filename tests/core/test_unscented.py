@@ -186,6 +186,8 @@ def test_spread_of_the_points():
         ((15, -1.0), "alpha = -1"),
         ((15, float("nan")), "alpha = nan"),
         ((15, 1.0, float("inf")), "beta = inf"),
+        ((15, 1e-4), "0.00039 standard deviations .* let alpha be 0.00052 or more"),
+        ((15, 1e-9), "rounding takes the place of the model"),
         ((15, 1.0, 2.0, -15.0), "greater than -15"),
         ((15, None, 2.0, -15.0), "greater than -15"),
         ((15, 1.0, -0.1), "beta"),

@@ -370,7 +370,11 @@ class FilterConfig(Section):
         example=2.0,
     )
     ukf_kappa: Number | None = key(
-        None, "", "Estimator 'ukf': second scale of the sigma points. Left out: 0.", example=0.0
+        None,
+        "",
+        "Estimator 'ukf': added to the number of states in the distance of the points; without ukf_alpha of no effect "
+        "on it. Left out: 0.",
+        example=0.0,
     )
 
     @model_validator(mode="after")

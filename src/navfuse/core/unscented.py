@@ -31,6 +31,10 @@ from navfuse.errors import ConfigError
 Array = np.ndarray
 
 
+LEAST_DISTANCE = 2e-3
+"""Standard deviations. Points much nearer to the centre than this drown in the rounding of a position."""
+
+
 @dataclass(frozen=True, slots=True)
 class SigmaSpread:
     """Where the sigma points lie and what they weigh.
@@ -49,8 +53,8 @@ class SigmaSpread:
     Raises
     ------
     ConfigError
-        For an alpha that is not positive, ``size + kappa <= 0``, or ``beta + alpha^2 kappa / size < 0``, with which a
-        covariance need not be positive definite.
+        For an alpha that is not positive, points nearer than :data:`LEAST_DISTANCE`, ``size + kappa <= 0``, or ``beta +
+        alpha^2 kappa / size < 0``, with which a covariance need not be positive definite.
     """
 
     size: int
@@ -67,6 +71,12 @@ class SigmaSpread:
         if not self.size + self.kappa > 0.0:
             raise ConfigError(
                 f"sigma points: kappa = {self.kappa:g} must be greater than -{self.size}, the number of states"
+            )
+        if self.distance < LEAST_DISTANCE:
+            raise ConfigError(
+                f"sigma points: with alpha = {self.scale:g}, kappa = {self.kappa:g} and {self.size} states they lie "
+                f"{self.distance:.2g} standard deviations from the estimate: rounding takes the place of the model; "
+                f"let alpha be {LEAST_DISTANCE / math.sqrt(self.size + self.kappa):.2g} or more"
             )
         if self.centre < 0.0:
             raise ConfigError(

@@ -96,6 +96,12 @@ class DriftingPosition(AidingSensor):
         return self.inside.log_row(k)
 
 
+def left_out(sensors: Sequence[AidingSensor], observed: Sequence[str], estimator: str) -> list[str]:
+    """A note on the sensors that an estimator does not use, if there are any."""
+    names = [sensor.name for sensor in sensors if sensor.name not in (*observed, "gnss_velocity")]
+    return [f'estimator = "{estimator}" does not use {", ".join(names)}'] if names else []
+
+
 @dataclass(frozen=True, slots=True)
 class PositionErrors:
     """What a feedback filter has fed back.
@@ -162,6 +168,7 @@ class FeedbackFilter(UnscentedFilter):
         self._history: list[Array] = []
         used = [s for s in sensors if s.name in observed]
         super().__init__(start, model, [self._position if s is position else s for s in used], settings)
+        self.record.notes += left_out(sensors, observed, "ukf-feedback-12")
 
     def _use(self, sensor: AidingSensor, k: int, limit: Callable[[int], float] | None) -> tuple[float, int, Array]:
         used: list[float] = []

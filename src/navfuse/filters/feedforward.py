@@ -10,7 +10,7 @@ from navfuse.aiding.base import AidingSensor
 from navfuse.core.constants import STANDARD_GRAVITY
 from navfuse.data.start import Start
 from navfuse.errors import ConfigError
-from navfuse.filters.feedback import POSITION_SENSOR, named
+from navfuse.filters.feedback import POSITION_SENSOR, left_out, named
 from navfuse.filters.settings import FilterSettings
 from navfuse.filters.unscented import UnscentedFilter
 from navfuse.imu.error_model import ImuErrorModel
@@ -46,4 +46,6 @@ def feedforward_filter(
     down = imu_model.axes("accel_bias_sd")
     down[2] = np.hypot(down[2], imu_model.axes("accel_scale_sd")[2] * STANDARD_GRAVITY)
     used = [sensor for sensor in sensors if sensor.name in OBSERVED]
-    return UnscentedFilter(start, model.replace(accel_bias_sd=down), used, settings)
+    built = UnscentedFilter(start, model.replace(accel_bias_sd=down), used, settings)
+    built.record.notes += left_out(sensors, OBSERVED, "ukf-feedforward-15")
+    return built
