@@ -235,6 +235,22 @@ def test_default_are_the_estimators_that_suit_every_project(flight, monkeypatch)
     assert set(USUAL) <= set(FILTERS)
 
 
+def refusing(*_):
+    raise ConfigError("not with me")
+
+
+def test_of_the_usual_estimators_one_that_refuses_is_left_out(flight, monkeypatch):
+    monkeypatch.setattr("navfuse.comparison.USUAL", ("ekf", "iekf"))
+    monkeypatch.setitem(FILTERS, "iekf", refusing)
+    with pytest.warns(NavfuseWarning, match="iekf is left out: not with me"):
+        assert compare_filters(flight / "project.toml").estimators == ("ekf",)
+    with pytest.raises(ConfigError, match="iekf: not with me"):
+        compare_filters(flight / "project.toml", ["ekf", "iekf"])
+    monkeypatch.setitem(FILTERS, "ekf", refusing)
+    with pytest.raises(ConfigError, match="ekf is left out: not with me; iekf is left out"):
+        compare_filters(flight / "project.toml")
+
+
 def test_a_project_needs_fixes(flight):
     start = {"lat_deg": 1.0, "lon_deg": 2.0, "height_m": 3.0, "heading_deg": 4.0}
     project = Project.from_dict({"imu": {"file": str(flight / "imu.parquet")}, "start": start})
