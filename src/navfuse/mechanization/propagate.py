@@ -38,6 +38,48 @@ TIME_TOLERANCE = 1e-6
 """Stamps closer than this [s] count as equal, so that no increment is split into a sliver."""
 
 
+@fused(inline="always")
+def next_stop(times, i, t, t_end, wanted, out_period, out_next):
+    """How far the increment `i` is carried from time `t` on, before an event at `t_end` or an output, if `wanted`, cuts
+    it.
+
+    Returns
+    -------
+    stop : float [s]
+        Where the state stands then; at the end of an increment its very stamp.
+    put, whole : bool
+        Whether an output is due there, and whether the increment ends there.
+    dt, part : float [s], float
+        Length of the piece, and its part of the increment.
+
+    Notes
+    -----
+    No checks are made.
+    """
+    t_next = times[i + 1]
+    stop = t_next
+    if stop > t_end - TIME_TOLERANCE:
+        stop = t_end
+    put = False
+    if wanted:
+        if out_period > 0.0:
+            t_out = out_next * out_period
+            if t_out < t_end - TIME_TOLERANCE and stop > t_out - TIME_TOLERANCE:
+                if stop > t_out + TIME_TOLERANCE:
+                    stop = t_out
+                put = True
+        else:
+            put = stop >= t_next - TIME_TOLERANCE and stop < t_end - TIME_TOLERANCE
+    whole = stop >= t_next - TIME_TOLERANCE
+    if whole and t <= times[i] + TIME_TOLERANCE:
+        dt = t_next - t
+        part = 1.0
+    else:
+        dt = stop - t
+        part = dt / (t_next - times[i])
+    return t_next if whole else stop, put, whole, dt, part
+
+
 @fused
 def propagate(
     times,
@@ -134,27 +176,7 @@ def propagate(
     theta = (0.0, 0.0, 0.0)
     dv = (0.0, 0.0, 0.0)
     while i < k and t < t_end - TIME_TOLERANCE:
-        t_next = times[i + 1]
-        stop = t_next
-        if stop > t_end - TIME_TOLERANCE:
-            stop = t_end
-        put = False
-        if capacity > 0:
-            if out_period > 0.0:
-                t_out = out_next * out_period
-                if t_out < t_end - TIME_TOLERANCE and stop > t_out - TIME_TOLERANCE:
-                    if stop > t_out + TIME_TOLERANCE:
-                        stop = t_out
-                    put = True
-            else:
-                put = stop >= t_next - TIME_TOLERANCE and stop < t_end - TIME_TOLERANCE
-        whole = stop >= t_next - TIME_TOLERANCE
-        if whole and t <= times[i] + TIME_TOLERANCE:
-            dt = t_next - t
-            part = 1.0
-        else:
-            dt = stop - t
-            part = dt / (t_next - times[i])
+        stop, put, whole, dt, part = next_stop(times, i, t, t_end, capacity > 0, out_period, out_next)
 
         theta = (
             part * inc_theta_b[i, 0] - gyro[9] * dt,
@@ -175,7 +197,7 @@ def propagate(
         before = C
         C = dcm_from_quat((nav[6], nav[7], nav[8], nav[9]))
         accumulate(acc, cross, dt, before, C, theta, dv, f)
-        t = t_next if whole else stop
+        t = stop
         if whole:
             i += 1
         if put or acc[ACC_TIME] >= cov_period - TIME_TOLERANCE or t >= t_end - TIME_TOLERANCE:

@@ -53,7 +53,7 @@ from navfuse.mechanization.point_tiles import (
     tile_numbers,
     widest_rotation,
 )
-from navfuse.mechanization.propagate import TIME_TOLERANCE, Propagator
+from navfuse.mechanization.propagate import TIME_TOLERANCE, Propagator, next_stop
 
 Array = np.ndarray
 
@@ -290,19 +290,25 @@ def covariance_of_root(acc, P):
 
 
 @fused
-def relax(acc, A):
-    """Begin to integrate anew, Dw = Du = 0, where plain errors are as good: the covariance that is put out stays what
-    it is. A is a (n, n) work space. No checks are made.
-    """
+def _drop(acc, part, A):
+    """Take a part (6,) out of Dw and Du, to first order; A is a (n, n) work space. No checks are made."""
     n = A.shape[0]
     S = acc[ROOT : ROOT + n * n].reshape((n, n))
     for i in range(n):
         for j in range(n):
             A[i, j] = S[i, j]
-    plain_rows(acc[GONE:BEGUN], A)
+    plain_rows(part, A)
     triangularize(A, n, S)
-    for i in range(GONE, BEGUN):
-        acc[i] = 0.0
+    for i in range(6):
+        acc[GONE + i] -= part[i]
+
+
+@fused
+def relax(acc, A):
+    """Begin to integrate anew, Dw = Du = 0, where plain errors are as good: the covariance that is put out stays what
+    it is. A is a (n, n) work space. No checks are made.
+    """
+    _drop(acc, acc[GONE:BEGUN].copy(), A)
 
 
 @fused
@@ -313,7 +319,6 @@ def relax_vertical(nav, acc, ecef, A):
     heading y, known to half a degree and 20 deg, stand for y t g tau^2 / 2 = 6 m after 20 s: on an arc, if y was there
     all the time, but not if a gyro bias has made it since.
     """
-    n = A.shape[0]
     gone = acc[GONE:BEGUN]
     u = down_axis(nav, ecef)
     vertical = np.empty(6)
@@ -321,13 +326,7 @@ def relax_vertical(nav, acc, ecef, A):
         along = gone[part] * u[0] + gone[part + 1] * u[1] + gone[part + 2] * u[2]
         for i in range(3):
             vertical[part + i] = along * u[i]
-            gone[part + i] -= along * u[i]
-    S = acc[ROOT : ROOT + n * n].reshape((n, n))
-    for i in range(n):
-        for j in range(n):
-            A[i, j] = S[i, j]
-    plain_rows(vertical, A)
-    triangularize(A, n, S)
+    _drop(acc, vertical, A)
 
 
 @fused
@@ -424,27 +423,7 @@ def propagate_points(
         _correct_points(X, place, imu_map.shape[0], cross_coupled, buffer, tiles)
     factor, bias = widest_rotation(tiles)
     while i < k and t < t_end - TIME_TOLERANCE:
-        t_next = times[i + 1]
-        stop = t_next
-        if stop > t_end - TIME_TOLERANCE:
-            stop = t_end
-        put = False
-        if capacity > 0:
-            if out_period > 0.0:
-                t_out = out_next * out_period
-                if t_out < t_end - TIME_TOLERANCE and stop > t_out - TIME_TOLERANCE:
-                    if stop > t_out + TIME_TOLERANCE:
-                        stop = t_out
-                    put = True
-            else:
-                put = stop >= t_next - TIME_TOLERANCE and stop < t_end - TIME_TOLERANCE
-        whole = stop >= t_next - TIME_TOLERANCE
-        if whole and t <= times[i] + TIME_TOLERANCE:
-            dt = t_next - t
-            part = 1.0
-        else:
-            dt = stop - t
-            part = dt / (t_next - times[i])
+        stop, put, whole, dt, part = next_stop(times, i, t, t_end, capacity > 0, out_period, out_next)
         if acc[ACC_TIME] == 0.0:
             _draw(nav, s, acc[GONE:BEGUN], S, weights[0], ecef, X, tiles)
             for c in range(6):
@@ -468,7 +447,7 @@ def propagate_points(
             acc[SPEED + c] += dv
             last[c] = theta / dt
             last[3 + c] = dv / dt
-        t = t_next if whole else stop
+        t = stop
         if whole:
             i += 1
         if put or acc[ACC_TIME] >= cov_period - TIME_TOLERANCE or t >= t_end - TIME_TOLERANCE:
