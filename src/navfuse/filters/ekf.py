@@ -35,9 +35,10 @@ class ErrorStateFilter(NavigationFilter):
         s = self.settings
         return Propagator(imu_map, noise, stochastic, s.ecef, s.covariance_period, s.output_period)
 
-    def _make_take(self) -> Callable[..., float]:
+    def _bind(self) -> None:
+        super()._bind()
         fixed = sensor_offsets(self.layout), self.settings.ecef, self.settings.open_loop
-        return partial(take, self._carried, self._last, *fixed)
+        self._take = partial(take, self._carried, self._last, *fixed)
 
     def _linearize(self, sensor: AidingSensor, k: int, nav: NavState) -> tuple[Array, Array, Array]:
         """Innovation, matrix and noise covariance of a measurement at a navigation state."""

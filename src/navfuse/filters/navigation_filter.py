@@ -143,20 +143,12 @@ class NavigationFilter(Carrier):
             self._note(put=True)
             self._output.flush(self.record)
 
-    def _bind(self) -> None:
-        super()._bind()
-        self._take = self._make_take()
-
     def _make_propagator(self, imu_map: Array, noise: Array, stochastic: Array) -> Any:
         """The propagator, with the interface of :class:`navfuse.mechanization.propagate.Propagator`."""
         raise NotImplementedError
 
     def _begin(self) -> None:
         """What is left to do with the start covariance."""
-
-    def _make_take(self) -> Callable[..., float]:
-        """The update with what stays the same from one measurement to the next."""
-        raise NotImplementedError
 
     def _use(self, sensor: AidingSensor, k: int, limit: Callable[[int], float] | None) -> tuple[float, int, Array]:
         """Use a measurement if its normalised innovation squared passes.

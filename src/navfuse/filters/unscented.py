@@ -164,9 +164,8 @@ class UnscentedFilter(NavigationFilter):
     Where a regression leaves more than a thousandth of an innovation's variance unexplained it is made again with
     points drawn from the posterior (posterior linearization, Garcia-Fernandez et al. 2015), which finds a heading from
     anywhere; with errors of usual size it never is. The gate judges the first regression. Sources: Julier and Uhlmann
-    2004, van der
-    Merwe and Wan 2001 (square root), Hertzberg et al. 2013 (manifold); the weights are in
-    :mod:`navfuse.core.unscented`, the coordinates of the errors in :mod:`navfuse.mechanization.sigma_points`.
+    2004, van der Merwe and Wan 2001 (square root), Hertzberg et al. 2013 (manifold); the weights are in
+    :mod:`navfuse.core.unscented`, the coordinates of the errors in :mod:`navfuse.mechanization.arc_errors`.
     """
 
     lets_go_early = True
@@ -262,10 +261,6 @@ class UnscentedFilter(NavigationFilter):
             boxplus_navigation(x[:10], d, self.settings.ecef)
         X[:, 10:] += self.s - before[10:]
         X[0, :10], X[0, 10:] = self.nav, self.s
-
-    def _make_take(self) -> Callable[..., float]:
-        """Not used: an update may take several regressions."""
-        return _no_take
 
     def _predictions(self, sensor: AidingSensor, k: int, mean: Array, root: Array) -> tuple[Array, Array]:
         """Predictions at the outer points less that at the centre (2 n, d), and the innovation of the centre (d,)."""
@@ -392,10 +387,6 @@ class UnscentedFilter(NavigationFilter):
         triangularize(np.ascontiguousarray(np.hstack([self.root, added])), 2 * n, self.root)
         covariance_of_root(self._acc, self.P)
         self._narrow()
-
-
-def _no_take() -> float:
-    raise NotImplementedError
 
 
 def cubature_filter(start, imu_model, sensors, settings: FilterSettings | None = None) -> UnscentedFilter:
