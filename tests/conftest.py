@@ -48,3 +48,14 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
     for nodeid in _unexpected_skips(config):
         terminalreporter.write_line(f"SKIPPED ON THE BUILD SERVER, which counts as a failure: {nodeid}")
+
+
+@pytest.fixture
+def estimators_in_order():
+    """Puts back what a test does to the table of estimators, in their order, in which messages list them."""
+    from navfuse.filters.kinds import FILTERS
+
+    before = dict(FILTERS)
+    yield
+    FILTERS.clear()
+    FILTERS.update(before)

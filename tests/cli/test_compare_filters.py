@@ -15,12 +15,11 @@ def hasty(start, model, sensors, settings):
 
 
 @pytest.fixture(autouse=True)
-def two_estimators(monkeypatch):
-    for name in list(FILTERS):
-        if name != "ekf":
-            monkeypatch.delitem(FILTERS, name)
-    monkeypatch.setitem(FILTERS, "ukf", hasty)
+def two_estimators(estimators_in_order, monkeypatch):
     monkeypatch.setattr("navfuse.comparison.USUAL", ("ekf", "ukf"))
+    for name in set(FILTERS) - {"ekf", "ukf"}:
+        del FILTERS[name]
+    FILTERS["ukf"] = hasty
 
 
 @pytest.fixture(scope="module")

@@ -44,17 +44,17 @@ def test_stamps_are_put_right_as_the_project_does():
     assert case.logs.gnss.time == pytest.approx(np.arange(31.0), abs=1e-12)
 
 
-def test_the_estimator_is_that_of_the_project(project, monkeypatch):
+def test_the_estimator_is_that_of_the_project(project, estimators_in_order):
     def hasty(start, model, sensors, settings):
         return ErrorStateFilter(start, model.replace(arw=20.0 * model.arw), sensors, settings)
 
     other = project.with_name("other.toml")
     other.write_text(project.read_text() + '\n[filter]\nestimator = "ukf"\n')
-    monkeypatch.setitem(FILTERS, "ukf", hasty)
+    FILTERS["ukf"] = hasty
     own, told = ProjectRecipe(str(project))(1), ProjectRecipe(str(other))(1)
     assert (own.estimator, told.estimator) == ("ekf", "ukf")
     assert run_case(told).sd[-1, 8] > 1.5 * run_case(own).sd[-1, 8]
-    monkeypatch.delitem(FILTERS, "ukf")
+    del FILTERS["ukf"]
     with pytest.raises(ConfigError, match='there is no estimator "ukf"'):
         ProjectRecipe(str(other))(1)
 
