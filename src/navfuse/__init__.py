@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from navfuse.data.trajectory import Trajectory
     from navfuse.io.gnss_table import read_gnss
     from navfuse.io.imu_table import read_imu
+    from navfuse.io.result_folder import read_result
     from navfuse.io.trajectory_table import read_trajectory
     from navfuse.pipeline import process
     from navfuse.scenario_files import simulate_scenario
@@ -70,6 +71,7 @@ _HOMES = {
     "process": "navfuse.pipeline",
     "read_gnss": "navfuse.io.gnss_table",
     "read_imu": "navfuse.io.imu_table",
+    "read_result": "navfuse.io.result_folder",
     "read_trajectory": "navfuse.io.trajectory_table",
     "simulate_scenario": "navfuse.scenario_files",
 }
@@ -94,6 +96,7 @@ __all__ = [
     "process",
     "read_gnss",
     "read_imu",
+    "read_result",
     "read_trajectory",
     "simulate_scenario",
 ]

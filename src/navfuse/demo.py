@@ -11,8 +11,9 @@ from navfuse.data.trajectory import Trajectory
 from navfuse.imu.grades import grade
 from navfuse.io.atomic import atomic_folder
 from navfuse.io.log_tables import write_gnss, write_imu
+from navfuse.io.result_folder import TABLES, write_result
 from navfuse.io.trajectory_table import write_trajectory
-from navfuse.pipeline import process, write_result
+from navfuse.pipeline import process
 from navfuse.report.figures import figure_errors, figure_map
 from navfuse.report.page import write_report
 from navfuse.report.tables import metrics_text
@@ -54,7 +55,7 @@ def run_demo(folder: str | os.PathLike[str], seed: int = 1) -> tuple[Result, lis
         What to tell a newcomer.
     """
     logs, lever = simulate_drive(seed)
-    with atomic_folder(folder, stale=("forward.csv", "smoothed.csv", "innovations.csv")) as staging:
+    with atomic_folder(folder, stale=tuple(f"{name}.csv" for name in TABLES)) as staging:
         write_logs(staging, logs)
         (staging / "project.toml").write_text(
             _PROJECT.format(grade=GRADE, lever=lever, outage=OUTAGE_S), encoding="utf-8"

@@ -24,6 +24,7 @@ from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
 from navfuse.analysis.plausibility import run_warnings, silence
 from navfuse.analysis.summary import describe_imu, summarize_run
 from navfuse.config import Project, load_project
+from navfuse.data.imu_overview import ImuOverview
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.result import Result
 from navfuse.data.start import Known
@@ -37,6 +38,7 @@ from navfuse.imu.alignment import Alignment, align
 from navfuse.imu.error_model import ImuErrorModel
 from navfuse.imu.gaps import change_over, gap_limit, without_false_start
 from navfuse.imu.increments import ImuIncrements, to_increments
+from navfuse.imu.overview import imu_overview
 from navfuse.imu.turning import check_turns
 from navfuse.io.gnss_table import read_gnss
 from navfuse.io.imu_table import read_imu
@@ -88,7 +90,7 @@ def process(
             for note in (*run.alignment.notes, *run.filter.record.notes):
                 _warn(note)
         _warn_of_gaps([gap for run in runs for gap in run.filter.record.gaps])
-        result = result_of(project, gnss, runs)
+        result = replace(result_of(project, gnss, runs), imu=prepared.overview)
         if not len(result.forward):
             raise ConfigError(
                 f"output.rate_hz = {project.output.rate_hz:g} puts out nothing in the {length:.1f} s of the log; give "
@@ -122,8 +124,8 @@ def run_project(
 ) -> Result:
     """Process a project file and write the result folder.
 
-    Writes ``forward``, ``smoothed`` (when smoothing) and ``innovations`` in every format of ``[output] formats``,
-    ``summary.json`` and, unless switched off, ``report.html``. They appear together or not at all.
+    Writes the tables of :mod:`navfuse.io.result_folder` in every format of ``[output] formats``, ``summary.json`` and,
+    unless switched off, ``report.html``. They appear together or not at all.
 
     Raises
     ------
@@ -133,10 +135,11 @@ def run_project(
         If a log of the project is a file that the run would replace.
     """
     from navfuse.io.atomic import atomic_folder, refuse_to_replace
+    from navfuse.io.result_folder import RUN_NAMES, write_result
 
     project = load_project(path)
-    refuse_to_replace(project_inputs(project, path), folder, _OUTPUT_NAMES)
-    with atomic_folder(folder, stale=_OUTPUT_NAMES) as staging:
+    refuse_to_replace(project_inputs(project, path), folder, RUN_NAMES)
+    with atomic_folder(folder, stale=RUN_NAMES) as staging:
         result = process(project, progress=progress)
         write_result(staging, result, project.output.formats)
         if report:
@@ -146,29 +149,9 @@ def run_project(
     return result
 
 
-_OUTPUT_NAMES = tuple(
-    [f"{name}.{format_}" for name in ("forward", "smoothed", "innovations") for format_ in ("parquet", "csv")]
-    + ["summary.json", "report.html"]
-)
-
-
 def project_inputs(project: Project, path: str | os.PathLike[str]) -> list[Path]:
     """The files that a project reads: its own and its logs."""
     return [Path(path), *(file for file in (project.imu.file, project.gnss.file) if file is not None)]
-
-
-def write_result(folder: Path, result: Result, formats: tuple[str, ...] = ("parquet",)) -> None:
-    """Write the tables and the summary of a result into a folder."""
-    from navfuse.io.json_file import write_json
-    from navfuse.io.tables import write_table
-    from navfuse.io.trajectory_table import write_trajectory
-
-    for format_ in formats:
-        write_trajectory(folder / f"forward.{format_}", result.forward)
-        if result.smoothed is not None:
-            write_trajectory(folder / f"smoothed.{format_}", result.smoothed)
-        write_table(folder / f"innovations.{format_}", result.innovations.to_columns())
-    write_json(folder / "summary.json", result.summary)
 
 
 def read_logs(project: Project) -> tuple[ImuLog, GnssLog | None]:
@@ -289,6 +272,7 @@ class Prepared:
         At least one.
     imu : dict
         What :func:`navfuse.analysis.summary.describe_imu` says.
+    overview : ImuOverview
     length : float [s]
         Of the inertial data.
     """
@@ -297,6 +281,7 @@ class Prepared:
     model: ImuErrorModel
     stretches: tuple[Stretch, ...]
     imu: dict[str, Any]
+    overview: ImuOverview
     length: float
 
 
@@ -337,7 +322,7 @@ def prepare(project: Project, sensors: tuple[AidingSensor, ...], clock: Clock) -
     with clock("increments"):
         increments = cut(to_increments(imu, gap_limit(imu.time)), project.filter.until_s)
         increments = without_false_start(increments)
-        described = describe_imu(imu)
+        described, overview = describe_imu(imu), imu_overview(imu)
         del imu
         for note in check_turns(increments, gnss) if gnss is not None else ():
             _warn(note)
@@ -350,7 +335,7 @@ def prepare(project: Project, sensors: tuple[AidingSensor, ...], clock: Clock) -
     stretches = tuple(stretch for stretch in found if stretch is not None)
     if not stretches:
         raise AlignmentError("no stretch of the inertial data between gaps could be aligned; see the warnings")
-    return Prepared(gnss, model, stretches, described, length)
+    return Prepared(gnss, model, stretches, described, overview, length)
 
 
 def _pieces(increments: ImuIncrements, project: Project) -> list[ImuIncrements]:
@@ -475,7 +460,14 @@ def result_of(project: Project, gnss: GnssLog | None, runs: list[Run]) -> Result
         smoothed = _joined([run.smoothed.trajectory for run in runs if run.smoothed is not None], "smoothed")
         smoothed = _outside_gaps(smoothed, gaps)
     forward = _outside_gaps(forward, gaps)
-    return Result(forward=forward, smoothed=smoothed, innovations=innovations, states=states, fixes=gnss)
+    return Result(
+        forward=forward,
+        smoothed=smoothed,
+        innovations=innovations,
+        states=states,
+        fixes=gnss,
+        epoch=None if gnss is None else gnss.epoch,
+    )
 
 
 def _outside_gaps(trajectory: Trajectory, gaps: list[tuple[float, float]]) -> Trajectory:

@@ -10,23 +10,13 @@ import numpy as np
 
 from navfuse import __version__
 from navfuse.analysis.consistency import NisSummary, nis_summary
-from navfuse.core.constants import STANDARD_GRAVITY
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.result import DOUBTFUL, Result
+from navfuse.io.result_folder import STATE_UNITS
 
 if TYPE_CHECKING:
     from navfuse.imu.alignment import Alignment
     from navfuse.imu.error_model import ImuErrorModel
-
-_DPH = 180.0 / np.pi * 3600.0
-_UNITS = {
-    "gyro_bias": ("dph", _DPH),
-    "accel_bias": ("mg", 1e3 / STANDARD_GRAVITY),
-    "gyro_scale": ("ppm", 1e6),
-    "accel_scale": ("ppm", 1e6),
-    "gyro_cross": ("mrad", 1e3),
-    "accel_cross": ("mrad", 1e3),
-}
 
 
 def summarize_run(
@@ -71,6 +61,7 @@ def summarize_run(
     return {
         "navfuse": __version__,
         "python": platform.python_version(),
+        "epoch_week_s": None if result.epoch is None else list(result.epoch),
         "inputs": {"imu": imu, "gnss": None if gnss is None else _gnss(gnss, result)},
         "settings": settings,
         "imu_model": {**model.to_datasheet(), "source": model.source},
@@ -160,7 +151,7 @@ def _accuracy(result: Result) -> dict[str, Any]:
 
 
 def _final(name: str, history: Any) -> dict[str, Any]:
-    unit, factor = _UNITS.get(name, ("", 1.0))
+    unit, factor = STATE_UNITS.get(name, ("", 1.0))
     suffix = f"_{unit}" if unit else ""
     if not history.time.size:
         return {}

@@ -7,7 +7,6 @@ sensor errors become SI. An unknown key is an error that names the nearest known
 from navfuse.config.project import Project, load_project
 from navfuse.config.reference import KeyHelp, help_keys, template
 from navfuse.config.sections import (
-    FORMATS,
     AidingConfig,
     FilterConfig,
     GnssConfig,
@@ -18,7 +17,6 @@ from navfuse.config.sections import (
 )
 
 __all__ = [
-    "FORMATS",
     "AidingConfig",
     "FilterConfig",
     "GnssConfig",

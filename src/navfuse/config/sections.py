@@ -9,9 +9,7 @@ from typing import Any, Literal
 from pydantic import ValidationInfo, field_validator, model_validator
 
 from navfuse.config.keys import Matrix, Number, Section, Vector, Week, key
-
-FORMATS = ("parquet", "csv")
-"""Formats in which a run can write its tables."""
+from navfuse.io.result_folder import FORMATS
 
 PerAxis = Number | Vector
 
@@ -206,7 +204,8 @@ class GnssConfig(Section):
     epoch_week_s: tuple[Week, Number] | None = key(
         None,
         "week, s",
-        "GPS week and seconds of week that log times count from, for a .pos file. Left out: its first week.",
+        "GPS week and seconds of week that log times count from: gives dates to exports and the page. A .pos file is "
+        "turned to it; left out, its times count from the start of its first week.",
         least=0.0,
         example=(2374, 243258.0),
     )

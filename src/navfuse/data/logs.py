@@ -7,6 +7,8 @@ from typing import Literal
 
 import numpy as np
 
+from navfuse.data.gps_epoch import GpsEpoch
+
 Array = np.ndarray
 
 
@@ -57,6 +59,8 @@ class GnssLog:
     fix : (n,) array of str or None
         Fix type as the file names it, e.g. "rtk-fixed".
     n_satellites : (n,) int array or None
+    epoch : GpsEpoch or None
+        GPS time from which `time` counts, where the file or its reader says so.
     source, notes : see :class:`ImuLog`.
     """
 
@@ -69,6 +73,7 @@ class GnssLog:
     sd_velocity: Array | None = None
     fix: Array | None = None
     n_satellites: Array | None = None
+    epoch: GpsEpoch | None = None
     source: str = "gnss"
     notes: tuple[str, ...] = ()
 

@@ -155,6 +155,10 @@ class Result:
     fixes : GnssLog or None
         The GNSS log offered to the filter (antenna positions, time offset applied), for maps.
         ``innovations.row`` of the GNSS sources points into it.
+    imu : ImuOverview or None
+        Rate, gaps and spectra of the inertial log.
+    epoch : GpsEpoch or None
+        GPS time from which the times of the run count; None where neither a file nor the project says.
     """
 
     forward: Trajectory
@@ -164,6 +168,8 @@ class Result:
     summary: dict[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     fixes: GnssLog | None = None
+    imu: ImuOverview | None = None
+    epoch: GpsEpoch | None = None
 
     @property
     def trajectory(self) -> Trajectory:

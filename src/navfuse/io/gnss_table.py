@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.data.logs import GnssLog
 from navfuse.errors import ConfigError, NavfuseWarning
 from navfuse.io.columns import Field, Match, fields, match_columns, require, require_all_or_none
@@ -51,8 +53,8 @@ def read_gnss(
     time_offset_s : float
         Added to the stamps [s].
     epoch : (week, seconds of week), optional
-        GPS time that stamps of a ``.pos`` file are counted from; default the start of the GPS week of its first row.
-        Native tables hold their stamps ready and accept none.
+        GPS time that log times count from. Stamps of a ``.pos`` file are turned to it; default the start of the GPS
+        week of its first row. Of a native table, whose stamps are relative already, it only tells the date.
     sd_position_m, sd_velocity_mps : 3 numbers [m], [m/s], optional
         Standard deviations north, east, down, used where the file has none.
 
@@ -79,12 +81,9 @@ def read_gnss(
     path = check_file(path, (*EXTENSIONS, ".pos"))
     if path.suffix.lower() == ".pos":
         log = parse_rtklib_pos(path, time_offset_s, epoch, stated)
-    elif epoch is not None:
-        raise ConfigError(
-            f"epoch = {epoch}: {path} is a native table, whose time_s is relative already; leave epoch out"
-        )
     else:
         log = _parse_table(path, time_offset_s, stated)
+        log = log if epoch is None else replace(log, epoch=GpsEpoch.of(*epoch))
     for note in log.notes:
         warnings.warn(note, NavfuseWarning, stacklevel=2)
     return log

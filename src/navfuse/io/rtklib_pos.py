@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.data.logs import GnssLog
-from navfuse.errors import ConfigError, InputError
+from navfuse.errors import InputError
 from navfuse.io.gnss_rows import UNSTATED, GnssNames, GnssRows, StatedSigmas, gnss_log
 from navfuse.io.gps_time import DAY, WEEK, days_since_epoch, leap_seconds
 
@@ -83,7 +84,9 @@ def parse_rtklib_pos(
     source = str(path)
     notes: list[str] = []
     layout, days, seconds, lines, data = _read_lines(path, source, notes)
-    week, tow = (int((days[0] * DAY + seconds[0]) // WEEK), 0.0) if epoch is None else _checked_epoch(epoch)
+    week, tow = start = (
+        GpsEpoch(int((days[0] * DAY + seconds[0]) // WEEK), 0.0) if epoch is None else GpsEpoch.of(*epoch)
+    )
     rows = _rows((days - 7 * week) * DAY + (seconds - tow) + time_offset_s, data, layout)
     ecef = layout.is_ecef
     names = GnssNames(
@@ -93,14 +96,8 @@ def parse_rtklib_pos(
         velocity=("vx", "vy", "vz") if ecef else ("vn", "ve", "vu"),
         sd_velocity=("sdvx", "sdvy", "sdvz") if ecef else ("sdvn", "sdve", "sdvu"),
     )
-    return gnss_log(rows, names, source, lambda row: f"line {lines[row]}", notes, stated)
-
-
-def _checked_epoch(epoch: tuple[int, float]) -> tuple[int, float]:
-    week, tow = epoch
-    if not (week == int(week) and week >= 0 and 0.0 <= tow < WEEK):
-        raise ConfigError(f"epoch = {epoch} has to be a GPS week number and the seconds of the week, 0 to 604800")
-    return int(week), float(tow)
+    log = gnss_log(rows, names, source, lambda row: f"line {lines[row]}", notes, stated)
+    return replace(log, epoch=start)
 
 
 def _read_lines(path: Path, source: str, notes: list[str]) -> tuple[_Layout, Array, Array, list[int], Array]:
