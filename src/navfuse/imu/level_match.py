@@ -30,7 +30,9 @@ PRIOR_SD = np.repeat([np.inf, LEVER_SD, GYRO_SD, ACCEL_SD], [1, 3, 3, 3])
 CORRELATED_S = 5.0
 """Errors of fixes further apart than this are taken as independent."""
 SHRINK = 10.0
-ITERATIONS = 6
+ITERATIONS = 10
+FURTHEST_S = 0.5
+"""From the best shift of the scan to where least squares may go."""
 FLOOR = 1e-10
 FLOOR_SD_S = 0.002
 """What is left to scale factors, changing biases and interpolation, for fixes of centimetres."""
@@ -149,7 +151,7 @@ def refine(match: Match, offset: float) -> Fit:
         gram = np.einsum("wmi,wmj->ij", X.conj(), X).real
         pull = np.einsum("wmi,wm->i", X.conj(), e).real - prior * np.concatenate([[0.0], extra])
         step = np.linalg.solve(gram + np.diag(prior + 1e-12), pull)
-        offset = float(np.clip(offset + step[0], begun - 3.0 * LAG_STEP_S, begun + 3.0 * LAG_STEP_S))
+        offset = float(np.clip(offset + step[0], begun - FURTHEST_S, begun + FURTHEST_S))
         extra = extra + step[1:]
         if abs(step[0]) < 1e-4:
             break

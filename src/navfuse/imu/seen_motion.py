@@ -12,6 +12,7 @@ numbers north + i east.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from navfuse.imu.increments import ImuIncrements, to_increments
 
 Array = np.ndarray
 
-STEP_S = 0.025
+STEP_S = 0.05
 """Inertial increments are summed up to about this length; linear interpolation in between errs by millimetres/s."""
 GAP_S = 0.25
 """Intervals between inertial rows above this are holes, whatever the rate up to 20 Hz."""
@@ -206,7 +207,7 @@ def stretches(gnss: GnssLog, first: float, last: float, holes: Array, positions:
     length = max(STRETCH_S, STRETCH_ROWS * float(np.median(np.diff(time))))
     count = max(1, round((time[-1] - time[0]) / length))
     edges = np.searchsorted(time, np.linspace(time[0], np.nextafter(time[-1], np.inf), count + 1))
-    pieces = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a >= FEWEST_ROWS]
+    pieces = [slice(a, b) for a, b in pairwise(edges) if b - a >= FEWEST_ROWS]
     pieces = [p for p in pieces if not _spoilt(time[p], holes, reach)]
     if len(pieces) > MOST_STRETCHES:
         pieces = [pieces[k] for k in np.linspace(0, len(pieces) - 1, MOST_STRETCHES).round().astype(int)]

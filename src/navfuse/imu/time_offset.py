@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from navfuse.data.logs import GnssLog, ImuLog
+from navfuse.imu.increments import ImuIncrements
 from navfuse.imu.level_match import LAG_STEP_S, Fit, Match, Scan, prepare, refine, scan
 from navfuse.imu.seen_motion import (
     Array,
-    ChainedMotion,
     chain,
     coarse_increments,
     has_velocity,
@@ -102,10 +102,12 @@ class Found:
 
     @property
     def best(self) -> int:
+        """Index of the best shift."""
         return int(np.argmin(self.scan.deviance))
 
     @property
     def correlation(self) -> float:
+        """Correlation there."""
         return float(self.scan.correlation[self.best])
 
 
@@ -134,13 +136,36 @@ def estimate_time_offset(imu: ImuLog, gnss: GnssLog, *, search_s: float = 5.0) -
             if common > 0.0
             else "the logs do not overlap in time"
         )
-    found = {positions: compare(increments, holes, gnss, positions, search_s) for positions in _kinds(gnss)}
-    told = {positions: _judged(one, positions) for positions, one in found.items()}
+    reading = None
+    told = {}
+    for positions in _kinds(gnss):
+        found = compare(increments, holes, gnss, positions, search_s, reading)
+        told[positions] = _judged(found, positions)
+        if found is not None and found.correlation >= SURE_CORRELATION:
+            reading = found.reading
     return _chosen(told)
 
 
-def compare(increments, holes, gnss: GnssLog, positions: bool, search_s: float) -> Found | None:
+def compare(
+    increments: ImuIncrements,
+    holes: Array,
+    gnss: GnssLog,
+    positions: bool,
+    search_s: float,
+    reading: Reading | None = None,
+) -> Found | None:
     """Compare accelerations as the axes stand; if they agree badly, as they might have been meant.
+
+    Parameters
+    ----------
+    increments, holes
+        Of :func:`~navfuse.imu.seen_motion.coarse_increments`.
+    gnss : GnssLog
+    positions : bool
+        Compare positions, though there may be velocities.
+    search_s : float [s]
+    reading : Reading, optional
+        Try this one only.
 
     Returns
     -------
@@ -153,30 +178,35 @@ def compare(increments, holes, gnss: GnssLog, positions: bool, search_s: float) 
         return None
     lags = LAG_STEP_S * np.arange(-round(search_s / LAG_STEP_S), round(search_s / LAG_STEP_S) + 1)
 
-    def tried(reading: Reading) -> Found:
-        motion: ChainedMotion = chain(increments, holes, reading.sense, reading.bias)
+    def tried(reading: Reading) -> tuple[Match, Scan, Reading]:
+        motion = chain(increments, holes, reading.sense, reading.bias)
         seen = replace(rows, seen=rows.seen.conj()) if reading.mirrored else rows
         match = prepare(motion, seen)
-        scanned = scan(match, lags)
-        k = int(np.argmin(scanned.deviance))
-        return Found(match, scanned, refine(match, float(lags[k])), reading, _rival(scanned))
+        return match, scan(match, lags), reading
 
-    best = tried(Reading())
+    best = tried(reading or Reading())
+    if reading is None:
+        for other in _others(best, increments):
+            new = tried(other)
+            if new[1].deviance.min() < best[1].deviance.min() - STANDS_OUT:
+                best = new
+    match, scanned, reading = best
+    return Found(match, scanned, refine(match, float(lags[np.argmin(scanned.deviance)])), reading, _rival(scanned))
+
+
+def _others(plain: tuple[Match, Scan, Reading], increments: ImuIncrements) -> list[Reading]:
+    """Other ways to read the axes that are worth a trial."""
+    scanned = plain[1]
     rate = np.median(increments.inc_theta_b / increments.dt[:, None], axis=0)
-    if np.linalg.norm(rate) > LEAST_BIAS:
-        best = min(best, tried(Reading(bias=rate)), key=_deviance)
-    if best.correlation < SURE_CORRELATION:
-        others = [(-1.0, False), (-1.0, True), (1.0, True)]
-        best = min(best, *(tried(Reading(s, m, best.reading.bias)) for s, m in others), key=_deviance)
-    return best
-
-
-def _deviance(found: Found) -> float:
-    return float(found.scan.deviance.min())
+    biases = [rate] if np.linalg.norm(rate) > LEAST_BIAS else []
+    if scanned.correlation[np.argmin(scanned.deviance)] >= SURE_CORRELATION:
+        return [Reading(bias=bias) for bias in biases]
+    ways = [(1.0, False), (-1.0, False), (-1.0, True), (1.0, True)]
+    return [Reading(*way, bias) for bias in (None, *biases) for way in ways][1:]
 
 
 def _kinds(gnss: GnssLog) -> tuple[bool, ...]:
-    return (True, False) if has_velocity(gnss) else (True,)
+    return (False, True) if has_velocity(gnss) else (True,)
 
 
 def _common(a: Array, b: Array) -> float:
@@ -207,7 +237,9 @@ def _judged(found: Found | None, positions: bool) -> TimeOffset:
     at = int(np.argmin(np.abs(found.scan.deviance - found.rival)))
     rival = float(found.scan.correlation[at]) if found.rival < 0.0 else 0.0
     reason = None
-    if -values[k] < STANDS_OUT or found.correlation < LEAST_CORRELATION:
+    in_scale = MODULUS[0] < fit.modulus < MODULUS[1]
+    noisy = found.correlation < (LEAST_CORRELATION if in_scale else SURE_CORRELATION)
+    if -values[k] < STANDS_OUT or noisy:
         reason = (
             "accelerations do not stand out of the noise at any shift (correlation"
             f" {found.correlation:.2f}): it stands, moves evenly, or the axes do not go together"
@@ -216,7 +248,7 @@ def _judged(found: Found | None, positions: bool) -> TimeOffset:
         reason = f"the logs agree best at the end of the search, {found.scan.lags[k]:+.1f} s; search further"
     elif found.rival / fit.inflation - values[k] < STANDS_OUT:
         reason = f"the motion repeats itself: it fits as well at {found.scan.lags[at]:+.1f} s"
-    elif not MODULUS[0] < fit.modulus < MODULUS[1]:
+    elif not in_scale:
         reason = f"accelerations of GNSS are {fit.modulus:.2f} times those of the inertial sensor"
     told = (None, None) if reason else (fit.offset, fit.sd)
     return TimeOffset(*told, found.correlation, rival, used, reason, _oddities(found) if reason is None else ())
