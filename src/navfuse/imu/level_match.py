@@ -168,6 +168,23 @@ def refine(match: Match, offset: float) -> Fit:
     )
 
 
+def stretch_phases(match: Match, offset: float) -> tuple[Array, Array]:
+    """What turns the frame of every stretch to north, and how well it is known.
+
+    Returns
+    -------
+    phase : (w,) complex array
+        Of modulus 1.
+    coherence : (w,) array
+        0..1, the squared correlation of accelerations in it.
+    """
+    seen = _detrended(match, match.rows.seen)
+    A = _detrended(match, _signal(match, offset))
+    product = np.sum(A.conj() * seen, axis=1)
+    known = np.abs(product) ** 2 / np.maximum(_power(A) * _power(seen), 1e-30)
+    return np.exp(1j * np.angle(product)), known
+
+
 def _signal(match: Match, lag: float) -> Array:
     integral = match.motion.place_l if match.rows.positions else match.motion.velocity_l
     return _horizontal(match, integral, lag)

@@ -20,7 +20,6 @@ from navfuse.imu.axes_reading import (
     LEAST_CORRELATION,
     SURE_CORRELATION,
     Compared,
-    Reading,
     compare,
     compare_along_track,
 )
