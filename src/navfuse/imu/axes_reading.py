@@ -1,8 +1,8 @@
 """How the axes of an inertial log have to be read for it to see what GNSS sees.
 
-As they stand; with the gyroscopes reversed; mirrored, which is left-handed axes or accelerometers that are all reversed;
-or without the gyroscopes, which takes the vehicle for a thing that points along its course on level ground, and compares
-speed and the turning of the course with accelerations along and across.
+As they stand; with the gyroscopes reversed; mirrored, which is left-handed axes or accelerometers that are all
+reversed; or without the gyroscopes, which takes the vehicle for a thing that points along its course on level ground,
+and compares speed and the turning of the course with accelerations along and across.
 """
 
 from __future__ import annotations

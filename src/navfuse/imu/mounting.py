@@ -142,7 +142,7 @@ def find_axes(imu: ImuLog, gnss: GnssLog | None, offset_s: float = 0.0) -> Found
     if tilt > TILTED:
         return replace(
             found,
-            reason=f"no axis is near the vertical ({np.degrees(tilt):.0f} deg off): it needs imu.rotation, not imu.axes",
+            reason=f"no axis is near the vertical ({np.degrees(tilt):.0f} deg off): imu.rotation is needed, not imu.axes",
         )
     seen = _seen(increments, holes, gnss, offset_s)
     if seen is None:
@@ -214,16 +214,14 @@ def _seen(increments: ImuIncrements, holes: Array, gnss: GnssLog, offset_s: floa
 def _with_nose(found: FoundAxes, seen: Compared, up: Array, offset_s: float) -> FoundAxes:
     """Add which axis is forward, and what follows from it."""
     reading = seen.reading
-    notes = list(found.notes)
-    if reading.mirrored and found.gyro_sense == -1:
-        notes = ["the accelerometers look reversed, all three: at rest they read +9.8 along down, not up"]
-        up, mirror = -up, False
-    else:
-        mirror = reading.mirrored
     nose = _nose(seen, offset_s)
     if nose is None or nose.concentration < LEAST_CONCENTRATION:
         strays = "" if nose is None else f" (mean resultant length {nose.concentration:.2f} of 1)"
-        return replace(found, notes=tuple(notes), reason=f"it does not point along its course{strays}, or hardly moves")
+        return replace(found, reason=f"it does not point along its course{strays}, or hardly moves")
+    mirror = reading.mirrored
+    reversed_force = mirror and found.gyro_sense == -1
+    if reversed_force:
+        up, mirror, nose = -up, False, nose._replace(direction=-nose.direction)
     down = -up
     forward = nose.direction - (nose.direction @ down) * down
     forward /= np.linalg.norm(forward)
@@ -242,16 +240,22 @@ def _with_nose(found: FoundAxes, seen: Compared, up: Array, offset_s: float) -> 
     )  # fmt: skip
     if mirror:
         reason = (
-            f"the axes are left-handed (x, y, z point {axes}): reverse the signs of one accelerometer and gyroscope"
+            f"the axes are left-handed, x, y, z point {axes}: reverse one accelerometer and the other two gyroscopes"
         )
-        return replace(found, reason=reason, notes=(*notes, reason))
+        return replace(found, reason=reason)
+    if reversed_force:
+        reason = (
+            "the signs of the accelerometers contradict those of the gyroscopes; if all three are reversed (+9.8 along"
+            f' what points down at rest), the axes are "{axes}" once they are put right'
+        )
+        return replace(found, reason=reason)
     if abs(yaw) > TILTED:
         reason = f"no axis is near the course ({np.degrees(abs(yaw)):.0f} deg off): it needs imu.rotation, not imu.axes"
-        return replace(found, reason=reason, notes=tuple(notes))
+        return replace(found, reason=reason)
     roll, pitch, heading = euler_from_dcm(tuple((vehicle @ body_from_file(axes).T).ravel()))
     return replace(
         found, axes=axes, reason=None, roll=float(roll), pitch=float(pitch),
-        yaw=float((heading + np.pi) % (2.0 * np.pi) - np.pi), notes=tuple(notes),
+        yaw=float((heading + np.pi) % (2.0 * np.pi) - np.pi),
     )  # fmt: skip
 
 

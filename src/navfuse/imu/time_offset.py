@@ -1,8 +1,8 @@
 """How far the clock of the inertial log is from that of GNSS, found before any filter runs.
 
 Accelerations tell it (:mod:`navfuse.imu.level_match`): they arrive at antenna and sensor together, whatever the
-mounting. Where gyroscopes and accelerometers do not go together, so that nothing can be levelled, speed and turns of the
-course are compared with accelerations along and across (:mod:`navfuse.imu.axes_reading`); that is less certain,
+mounting. Where gyroscopes and accelerometers do not go together, so that nothing can be levelled, speed and turns of
+the course are compared with accelerations along and across (:mod:`navfuse.imu.axes_reading`); that is less certain,
 because a course leads the heading, or lags behind it, by the distance of the antenna from the axle that does not slip,
 over the speed.
 
@@ -24,7 +24,7 @@ from navfuse.imu.axes_reading import (
     compare_along_track,
 )
 from navfuse.imu.level_match import LAG_STEP_S, Scan, refine
-from navfuse.imu.seen_motion import coarse_increments, has_velocity, stretches, usable_gnss
+from navfuse.imu.seen_motion import Array, coarse_increments, has_velocity, stretches, usable_gnss
 
 SHORTEST_S = 15.0
 """Least length of what both logs cover at every shift."""
