@@ -112,20 +112,24 @@ def prepare(motion: ChainedMotion, rows: Stretches) -> Match:
     return Match(motion, rows, basis, nuisance)
 
 
-def scan(match: Match, lags: Array) -> Scan:
-    """Compare at every shift. `lags` are offsets to be added to the inertial stamps."""
+def scan(match: Match, lags: Array) -> tuple[Scan, Scan]:
+    """Compare at every shift, as the axes are and mirrored. `lags` are offsets to be added to the inertial stamps."""
     seen = _detrended(match, match.rows.seen)
     total = _power(seen)
     freedom = match.freedom
     floor = FLOOR * total + 1e-12
-    deviance, explained = np.zeros(lags.size), np.zeros(lags.size)
+    deviance, explained = np.zeros((2, lags.size)), np.zeros((2, lags.size))
     for k, lag in enumerate(lags):
         A = _detrended(match, _signal(match, lag))
-        part = np.abs(np.sum(A.conj() * seen, axis=1)) ** 2 / np.maximum(_power(A), 1e-12)
-        rest = np.maximum(total - part, 0.0) + floor
-        deviance[k] = freedom @ np.log(rest / (total + floor))
-        explained[k] = part.sum()
-    return Scan(lags, deviance, np.sqrt(np.clip(explained / max(total.sum(), 1e-12), 0.0, 1.0)))
+        power = np.maximum(_power(A), 1e-12)
+        for way, product in enumerate((np.sum(A.conj() * seen, axis=1), np.sum(A * seen, axis=1))):
+            part = np.abs(product) ** 2 / power
+            rest = np.maximum(total - part, 0.0) + floor
+            deviance[way, k] = freedom @ np.log(rest / (total + floor))
+            explained[way, k] = part.sum()
+    correlation = np.sqrt(np.clip(explained / max(total.sum(), 1e-12), 0.0, 1.0))
+    plain, mirrored = (Scan(lags, deviance[way], correlation[way]) for way in (0, 1))
+    return plain, mirrored
 
 
 def refine(match: Match, offset: float) -> Fit:

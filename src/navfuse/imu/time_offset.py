@@ -20,8 +20,8 @@ from navfuse.imu.axes_reading import (
     LEAST_CORRELATION,
     SURE_CORRELATION,
     Compared,
+    best_reading,
     compare,
-    compare_along_track,
 )
 from navfuse.imu.level_match import LAG_STEP_S, Scan, refine
 from navfuse.imu.seen_motion import Array, coarse_increments, has_velocity, stretches, usable_gnss
@@ -32,8 +32,6 @@ STANDS_OUT = 25.0
 """Least -2 log likelihood, correlation of the errors allowed for, that a shift gains on no relation, and on a rival."""
 MODULUS = (0.6, 1.6)
 """Where the ratio of accelerations has to be."""
-LEAST_TRUSTED = 0.8
-"""Correlation below which the comparison along the track is tried as well."""
 APART = 3.5
 """Standard deviations between offsets from positions and from velocities that are told."""
 SLIP_M = 1.0
@@ -102,11 +100,11 @@ def estimate_time_offset(imu: ImuLog, gnss: GnssLog, *, search_s: float = 5.0) -
         rows = stretches(gnss, first, last, holes, positions, search_s)
         if not rows.time.shape[0]:
             continue
-        found = compare(increments, holes, rows, lags, reading)
+        if reading is None:
+            found = best_reading(increments, holes, gnss, rows, lags)
+        else:
+            found = compare(increments, holes, rows, lags, (reading.sense,), reading.bias)
         one = _judged(found, positions)
-        if one.offset is None or found.correlation < LEAST_TRUSTED:
-            track = _judged(compare_along_track(increments, holes, rows, lags), positions)
-            one = track if track.offset is not None and track.correlation > found.correlation else one
         told.append((positions, one))
         reading = found.reading if found.correlation >= SURE_CORRELATION else None
     if not told:
