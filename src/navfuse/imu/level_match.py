@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfuse.imu.level_kernels import correlate, read_rows
 from navfuse.imu.seen_motion import Array, ChainedMotion, Stretches, error_integrals
 
 LAG_STEP_S = 0.1
@@ -31,6 +32,8 @@ CORRELATED_S = 5.0
 """Errors of fixes further apart than this are taken as independent."""
 SHRINK = 10.0
 ITERATIONS = 10
+NEAR_S = 0.01
+"""Shift up to which what lever arm and biases add is not read anew."""
 FURTHEST_S = 0.5
 """From the best shift of the scan to where least squares may go."""
 FLOOR = 1e-10
@@ -118,15 +121,17 @@ def scan(match: Match, lags: Array) -> tuple[Scan, Scan]:
     total = _power(seen)
     freedom = match.freedom
     floor = FLOOR * total + 1e-12
-    deviance, explained = np.zeros((2, lags.size)), np.zeros((2, lags.size))
-    for k, lag in enumerate(lags):
-        A = _detrended(match, _signal(match, lag))
-        power = np.maximum(_power(A), 1e-12)
-        for way, product in enumerate((np.sum(A.conj() * seen, axis=1), np.sum(A * seen, axis=1))):
-            part = np.abs(product) ** 2 / power
-            rest = np.maximum(total - part, 0.0) + floor
-            deviance[way, k] = freedom @ np.log(rest / (total + floor))
-            explained[way, k] = part.sum()
+    rows = match.rows
+    shape = (lags.size, rows.time.shape[0])
+    power, products = np.empty(shape), np.empty((2, *shape), complex)
+    correlate(
+        match.motion.time, _integral(match), match.basis, rows.time, rows.weight, match.nuisance, seen, lags, power,
+        products[0], products[1],
+    )  # fmt: skip
+    parts = np.abs(products) ** 2 / np.maximum(power, 1e-12)
+    rest = np.maximum(total - parts, 0.0) + floor
+    deviance = np.log(rest / (total + floor)) @ freedom
+    explained = parts.sum(axis=2)
     correlation = np.sqrt(np.clip(explained / max(total.sum(), 1e-12), 0.0, 1.0))
     plain, mirrored = (Scan(lags, deviance[way], correlation[way]) for way in (0, 1))
     return plain, mirrored
@@ -139,8 +144,10 @@ def refine(match: Match, offset: float) -> Fit:
     prior = PRIOR_SD**-2.0
     errors = error_integrals(match.motion, match.rows.positions)
     begun, extra = offset, np.zeros(PRIOR_SD.size - 1)
+    added, of = _additions(match, errors, offset), offset
     for _ in range(ITERATIONS):
-        added = _additions(match, errors, offset)
+        if abs(offset - of) > NEAR_S:
+            added, of = _additions(match, errors, offset), offset
         A = _detrended(match, _signal(match, offset)) + np.einsum("j,jwm->wm", extra, added)
         late, early = (_signal(match, offset + h) for h in (SLOPE_S, -SLOPE_S))
         slope = _detrended(match, (late - early) / (2.0 * SLOPE_S))
@@ -189,9 +196,12 @@ def stretch_phases(match: Match, offset: float) -> tuple[Array, Array]:
     return np.exp(1j * np.angle(product)), known
 
 
+def _integral(match: Match) -> Array:
+    return match.motion.place_l if match.rows.positions else match.motion.velocity_l
+
+
 def _signal(match: Match, lag: float) -> Array:
-    integral = match.motion.place_l if match.rows.positions else match.motion.velocity_l
-    return _horizontal(match, integral, lag)
+    return _horizontal(match, _integral(match), lag)
 
 
 def _additions(match: Match, errors: tuple[Array, Array, Array], lag: float) -> Array:
@@ -200,7 +210,7 @@ def _additions(match: Match, errors: tuple[Array, Array, Array], lag: float) -> 
     turned, by_gyro, by_accel = errors
     middle = 0.5 * (match.rows.time[:, 0] + match.rows.time[:, -1]) - lag
     at = match.rows.time - lag
-    integral = _read(motion.time, motion.place_l if positions else motion.velocity_l, at)
+    integral = _read(motion.time, _integral(match), at)
     levers = [_horizontal(match, axis, lag) for axis in (motion.axes_l if positions else motion.swing_l)]
     gyros = []
     for turn, added in zip(turned, by_gyro, strict=True):
@@ -221,7 +231,9 @@ def _level(match: Match, read: Array) -> Array:
 
 
 def _read(time: Array, values: Array, at: Array) -> Array:
-    return np.stack([np.interp(at, time, column) for column in values.T], axis=-1)
+    out = np.empty((at.size, 3))
+    read_rows(time, np.ascontiguousarray(values), at.ravel(), out)
+    return out.reshape(*at.shape, 3)
 
 
 def _detrended(match: Match, values: Array) -> Array:
@@ -231,7 +243,7 @@ def _detrended(match: Match, values: Array) -> Array:
 
 
 def _power(values: Array) -> Array:
-    return np.sum(values.real**2 + values.imag**2, axis=1)
+    return np.sum(np.real(values) ** 2 + np.imag(values) ** 2, axis=1)
 
 
 def _reach(rows: Stretches) -> int:

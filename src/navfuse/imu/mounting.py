@@ -143,7 +143,7 @@ def find_axes(imu: ImuLog, gnss: GnssLog | None, offset_s: float = 0.0) -> Found
     if tilt > TILTED:
         return replace(
             found,
-            reason=f"no axis is near the vertical, {np.degrees(tilt):.0f} deg off: imu.rotation is needed, not imu.axes",
+            reason=f"no axis is near the vertical, {np.degrees(tilt):.0f} deg off: it takes imu.rotation, not imu.axes",
         )
     seen = _seen(increments, holes, gnss, offset_s)
     if seen is None:
@@ -214,7 +214,7 @@ def _with_nose(found: FoundAxes, seen: Compared, up: Array, offset_s: float) -> 
     scores = _scores(vehicle, mirror)
     (axes, score), (second, second_score) = scores[:2]
     yaw = _yaw(vehicle, axes)
-    sure = norm.cdf((np.pi / 4.0 - abs(yaw)) / max(nose.sd, LEAST_YAW_SD))
+    sure = max(0.0, 2.0 * float(norm.cdf((np.pi / 4.0 - abs(yaw)) / max(nose.sd, LEAST_YAW_SD))) - 1.0)
     k = int(np.argmax(np.abs(forward)))
     found = replace(
         found, second=second,
@@ -240,7 +240,7 @@ def _with_nose(found: FoundAxes, seen: Compared, up: Array, offset_s: float) -> 
     roll, pitch, heading = euler_from_dcm(tuple((vehicle @ body_from_file(axes).T).ravel()))
     return replace(
         found, axes=axes, reason=None,
-        confidence=float(np.clip(2.0 * sure - 1.0, 0.0, 1.0)) * nose.concentration * doubt, roll=float(roll), pitch=float(pitch),
+        confidence=sure * nose.concentration * doubt, roll=float(roll), pitch=float(pitch),
         yaw=float((heading + np.pi) % (2.0 * np.pi) - np.pi),
     )  # fmt: skip
 

@@ -167,7 +167,7 @@ def _judged(found: Compared, positions: bool) -> TimeOffset:
 def _usual_speed(found: Compared) -> float:
     """Of a comparison along the track [m/s], root mean square; at least 1."""
     rows = found.match.rows
-    return max(1.0, float(np.sqrt(np.mean(rows.seen.real[rows.weight > 0.0] ** 2))))
+    return max(1.0, float(np.sqrt(np.mean(np.real(rows.seen)[rows.weight > 0.0] ** 2))))
 
 
 def _oddities(found: Compared) -> tuple[str, ...]:
@@ -181,18 +181,19 @@ def _oddities(found: Compared) -> tuple[str, ...]:
 
 def _chosen(told: dict[bool, TimeOffset]) -> TimeOffset:
     """The more certain of the offsets from positions and from velocities; positions if they contradict each other."""
-    good = {kind: one for kind, one in told.items() if one.offset is not None}
+    good = {kind: (one.offset, one.sd) for kind, one in told.items() if one.offset is not None and one.sd is not None}
     if not good:
         return max(told.values(), key=lambda one: one.correlation)
-    best = min(good.values(), key=lambda one: one.sd)
+    best = told[min(good, key=lambda kind: good[kind][1])]
     if len(good) < 2:
         return best
-    apart = good[False].offset - good[True].offset
-    if abs(apart) < APART * np.hypot(good[True].sd, good[False].sd):
+    (by_positions, sd_positions), (by_velocities, sd_velocities) = good[True], good[False]
+    apart = by_velocities - by_positions
+    if abs(apart) < APART * np.hypot(sd_positions, sd_velocities):
         return best
-    best = good[True] if good[True].sd < 3.0 * good[False].sd else best
+    best = told[sd_positions < 3.0 * sd_velocities]
     note = (
-        f"by positions {good[True].offset:+.3f} s is to be added to the inertial stamps, by velocities"
-        f" {good[False].offset:+.3f} s: the velocities look {abs(apart):.3f} s {'late' if apart > 0.0 else 'early'}"
+        f"by positions {by_positions:+.3f} s is to be added to the inertial stamps, by velocities"
+        f" {by_velocities:+.3f} s: the velocities look {abs(apart):.3f} s {'late' if apart > 0.0 else 'early'}"
     )
-    return replace(best, sd=float(np.hypot(best.sd, 0.5 * apart)), notes=(*best.notes, note))
+    return replace(best, sd=float(np.hypot(good[best is told[True]][1], 0.5 * apart)), notes=(*best.notes, note))
