@@ -32,8 +32,6 @@ CORRELATED_S = 5.0
 """Errors of fixes further apart than this are taken as independent."""
 SHRINK = 10.0
 ITERATIONS = 10
-NEAR_S = 0.01
-"""Shift up to which what lever arm and biases add is not read anew."""
 FURTHEST_S = 0.5
 """From the best shift of the scan to where least squares may go."""
 FLOOR = 1e-10
@@ -144,12 +142,10 @@ def refine(match: Match, offset: float) -> Fit:
     prior = PRIOR_SD**-2.0
     errors = error_integrals(match.motion, match.rows.positions)
     begun, extra = offset, np.zeros(PRIOR_SD.size - 1)
-    added, of = _additions(match, errors, offset), offset
     for _ in range(ITERATIONS):
-        if abs(offset - of) > NEAR_S:
-            added, of = _additions(match, errors, offset), offset
+        added = _additions(match, errors, offset)
         A = _detrended(match, _signal(match, offset)) + np.einsum("j,jwm->wm", extra, added)
-        late, early = (_signal(match, offset + h) for h in (SLOPE_S, -SLOPE_S))
+        late, early = (_at_antenna(match, offset + h, extra[:3]) for h in (SLOPE_S, -SLOPE_S))
         slope = _detrended(match, (late - early) / (2.0 * SLOPE_S))
         power = np.maximum(_power(A), 1e-12)
         z = np.sum(A.conj() * seen, axis=1) / power
@@ -164,7 +160,7 @@ def refine(match: Match, offset: float) -> Fit:
         step = np.linalg.solve(gram + np.diag(prior + 1e-12), pull)
         offset = float(np.clip(offset + step[0], begun - FURTHEST_S, begun + FURTHEST_S))
         extra = extra + step[1:]
-        if abs(step[0]) < 1e-4:
+        if abs(step[0]) < 1e-4 and np.max(np.abs(step[1:4])) < 1e-2:
             break
     inverse = np.linalg.inv(gram + np.diag(prior + 1e-12))
     long_run = _long_run(np.real(X.conj() * e[:, :, None]), match.rows)
@@ -202,6 +198,11 @@ def _integral(match: Match) -> Array:
 
 def _signal(match: Match, lag: float) -> Array:
     return _horizontal(match, _integral(match), lag)
+
+
+def _at_antenna(match: Match, lag: float, lever: Array) -> Array:
+    arms = match.motion.axes_l if match.rows.positions else match.motion.swing_l
+    return _horizontal(match, _integral(match) + np.einsum("j,jnk->nk", lever, arms), lag)
 
 
 def _additions(match: Match, errors: tuple[Array, Array, Array], lag: float) -> Array:

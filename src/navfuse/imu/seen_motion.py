@@ -23,7 +23,7 @@ from navfuse.imu.increments import ImuIncrements, to_increments
 
 Array = np.ndarray
 
-STEP_S = 0.05
+STEP_S = 0.025
 """Inertial increments are summed up to about this length; linear interpolation in between errs by millimetres/s."""
 GAP_S = 0.25
 """Intervals between inertial rows above this are holes, whatever the rate up to 20 Hz."""
