@@ -93,7 +93,7 @@ def test_the_standard_deviation_is_honest(velocity):
 @pytest.mark.slow
 @pytest.mark.parametrize("velocity", [True, False])
 def test_the_standard_deviation_is_honest_over_many_drives(velocity):
-    """The priors of lever arm and biases and the larger of two variances make it somewhat too large, never too small."""
+    """Priors of lever arm and biases and the larger of two variances make it somewhat too large, never too small."""
     total, count = chi_square(range(100), velocity)
     assert 0.6 * count < total < chi2.ppf(0.9995, count)
 
@@ -197,13 +197,13 @@ def test_nothing_is_said_of_what_stands(velocity):
         found = estimate_time_offset(made.imu, made.gnss if velocity else positions_only(made.gnss))
         assert found.offset is None
         assert found.sd is None
-        assert "do not stand out" in found.reason
+        assert "accelerations do not agree" in found.reason
 
 
 def test_nothing_is_said_of_another_drive(drive):
     """Each sees accelerations, and they have nothing to do with each other."""
     imu, _ = drive
-    for seed in (11, 12, 13):
+    for seed in range(41, 47):
         other = simulate(car_drive(150.0, seed=seed), grade("consumer"), seed, gnss_rate=2.0).gnss
         for gnss in (other, positions_only(other)):
             assert estimate_time_offset(imu, gnss).offset is None
