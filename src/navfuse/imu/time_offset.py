@@ -95,9 +95,10 @@ def estimate_time_offset(imu: ImuLog, gnss: GnssLog, *, search_s: float = 5.0) -
 
     Notes
     -----
-    Simulated drives of three minutes with a consumer-grade sensor and fixes at 1 Hz give it to 7 ms by velocities of
-    0.05 m/s, to 0.08 s by positions of 1 m (rms). A lever arm of some metres and gyroscope biases of a few deg/s do no
-    harm. What delays one sensor against the other inside of a receiver or an inertial unit is part of the offset.
+    A hundred simulated drives of three minutes with a consumer-grade sensor and fixes at 1 Hz give it to 12 ms rms by
+    velocities of 0.05 m/s, to 0.09 s by positions of 1 m; the mean square of error over `sd` is 1.1 and 1.2. A lever
+    arm of some metres and gyroscope biases of a few deg/s do no harm. What delays one sensor against the other inside
+    of a receiver or an inertial unit is part of the offset.
     """
     if not (np.isfinite(search_s) and search_s > 0.0):
         raise InputError(f"search_s has to be a positive number of seconds, not {search_s!r}")
