@@ -25,7 +25,6 @@ import numpy as np
 from navfuse.core.constants import STANDARD_GRAVITY
 from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.data.imu_overview import ImuOverview
-from navfuse.data.logs import GnssLog
 from navfuse.data.result import COMPONENTS, Innovations, Result, StateHistory
 from navfuse.errors import InputError, NavfuseWarning
 from navfuse.io.gnss_table import read_gnss
@@ -196,18 +195,21 @@ def _overview_to_dict(overview: ImuOverview) -> dict[str, Any]:
 
 
 def _overview_from_dict(data: Mapping[str, Any], path: Path) -> ImuOverview:
-    names = tuple(_overview_to_dict(_EMPTY))
-    missing = [name for name in names if name not in data]
-    if missing:
-        raise InputError(f"{path}: lacks {', '.join(missing)}; run the project again")
-    arrays = {name: np.array(data[name], dtype=np.float64) for name in names}
-    for name in ("gyro_psd_rad2ps2phz", "accel_psd_m2ps4phz"):
-        arrays[name] = arrays[name].reshape(-1, 3)
-    time, rate, usual, *rest = arrays.values()
-    return ImuOverview(time, rate, float(usual), *rest)
+    def array(name: str) -> Array:
+        if name not in data:
+            raise InputError(f"{path}: lacks {name}; run the project again")
+        return np.array(data[name], dtype=np.float64)
 
-
-_EMPTY = ImuOverview(*(np.empty(0),) * 2, 0.0, *(np.empty(0),) * 3, *(np.empty((0, 3)),) * 2)
+    return ImuOverview(
+        time=array("time_s"),
+        rate=array("rate_hz"),
+        usual_rate=float(array("usual_rate_hz")),
+        gap_start=array("gap_start_s"),
+        gap_length=array("gap_length_s"),
+        frequency=array("frequency_hz"),
+        gyro_psd=array("gyro_psd_rad2ps2phz").reshape(-1, 3),
+        accel_psd=array("accel_psd_m2ps4phz").reshape(-1, 3),
+    )
 
 
 def _read_json(path: Path) -> dict[str, Any]:
