@@ -9,6 +9,12 @@ from __future__ import annotations
 
 from datetime import date
 
+import numpy as np
+
+from navfuse.data.gps_epoch import GpsEpoch
+
+Array = np.ndarray
+
 WEEK = 604800.0
 DAY = 86400.0
 
@@ -56,3 +62,43 @@ def leap_seconds(days: int) -> int:
         0 to 18; the last value is kept for days after the table.
     """
     return sum(days >= leap for leap in _LEAP_DAYS)
+
+
+def utc_times(epoch: GpsEpoch, time: Array) -> Array:
+    """UTC of log times, to the microsecond.
+
+    Parameters
+    ----------
+    epoch : GpsEpoch
+        GPS time from which `time` counts.
+    time : (n,) array [s]
+
+    Returns
+    -------
+    (n,) array of datetime64[us]
+        No such array can hold 23:59:60: a leap second shows as the first second of the next day, which then comes twice.
+    """
+    whole = np.floor(time)
+    seconds = np.int64(epoch.week) * np.int64(WEEK) + whole.astype(np.int64)
+    microseconds = seconds * 1_000_000 + np.rint((time - whole + epoch.tow) * 1e6).astype(np.int64)
+    starts = [int(DAY) * day + count + 1 for count, day in enumerate(_LEAP_DAYS)]
+    leaps = np.searchsorted(np.array(starts) * 1_000_000, microseconds, side="right")
+    return np.datetime64("1980-01-06", "us") + (microseconds - leaps * 1_000_000).astype("timedelta64[us]")
+
+
+def log_times(epoch: GpsEpoch, utc: Array) -> Array:
+    """Log times of UTC stamps: the inverse of :func:`utc_times` outside leap seconds.
+
+    Parameters
+    ----------
+    epoch : GpsEpoch
+    utc : (n,) array of datetime64[us]
+
+    Returns
+    -------
+    (n,) array [s]
+    """
+    microseconds = (utc - np.datetime64("1980-01-06", "us")).astype(np.int64)
+    leaps = np.searchsorted(np.array(_LEAP_DAYS) * int(DAY) * 1_000_000, microseconds, side="right")
+    since = microseconds + (leaps - epoch.week * int(WEEK)) * 1_000_000
+    return since * 1e-6 - epoch.tow
