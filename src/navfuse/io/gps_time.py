@@ -76,7 +76,7 @@ def utc_times(epoch: GpsEpoch, time: Array) -> Array:
     Returns
     -------
     (n,) array of datetime64[us]
-        No such array can hold 23:59:60: a leap second shows as the first second of the next day, which then comes twice.
+        None of them can be 23:59:60: a leap second shows as the first second of the next day, which then comes twice.
     """
     whole = np.floor(time)
     seconds = np.int64(epoch.week) * np.int64(WEEK) + whole.astype(np.int64)
