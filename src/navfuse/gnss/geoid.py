@@ -94,12 +94,11 @@ def _coefficients() -> Array:
 
 
 def _of_proj(lat: Array, lon: Array) -> Array:
-    import pyproj.network
-    from pyproj import Transformer
+    from pyproj import Transformer, network
     from pyproj.exceptions import ProjError
 
-    online = pyproj.network.is_network_enabled()
-    pyproj.network.set_network_enabled(False)
+    online = network.is_network_enabled()  # pyright: ignore[reportPrivateImportUsage]
+    network.set_network_enabled(False)  # pyright: ignore[reportPrivateImportUsage]
     try:
         for grid in _EGM2008_GRIDS:
             # A grid named outright is used or is an error; between two reference systems PROJ may do without one.
@@ -116,7 +115,7 @@ def _of_proj(lat: Array, lon: Array) -> Array:
             if np.isfinite(found).all():
                 return np.asarray(found)
     finally:
-        pyproj.network.set_network_enabled(online)
+        network.set_network_enabled(online)  # pyright: ignore[reportPrivateImportUsage]
     raise ConfigError(
         f"geoid egm2008: PROJ has no usable grid {' or '.join(_EGM2008_GRIDS)} here; install it with `projsync --file "
         f"{_EGM2008_GRIDS[0]}` (where the network may be used) or put it into {_data_folder()}, or use egm96, which "
@@ -125,6 +124,6 @@ def _of_proj(lat: Array, lon: Array) -> Array:
 
 
 def _data_folder() -> str:
-    import pyproj.datadir
+    from pyproj import datadir
 
-    return str(pyproj.datadir.get_user_data_dir())
+    return datadir.get_user_data_dir()  # pyright: ignore[reportPrivateImportUsage]
