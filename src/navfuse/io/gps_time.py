@@ -64,35 +64,42 @@ def leap_seconds(days: int) -> int:
     return sum(days >= leap for leap in _LEAP_DAYS)
 
 
-def utc_times(epoch: GpsEpoch, time: Array) -> Array:
-    """UTC of log times, to the microsecond.
+def utc_of_gps(ticks: Array, per_second: int = 1) -> tuple[Array, Array]:
+    """UTC day and time of day of GPS times.
 
     Parameters
     ----------
-    epoch : GpsEpoch
-        GPS time from which `time` counts.
-    time : (n,) array [s]
+    ticks : (n,) int64 array
+        GPS time since 1980-01-06, in fractions of a second so that nothing is rounded here.
+    per_second : int
+        Ticks of a second.
 
     Returns
     -------
-    (n,) array of datetime64[us]
-        None of them can be 23:59:60: a leap second shows as the first second of the next day, which then comes twice.
+    days : (n,) int64 array
+        UTC days since 1980-01-06.
+    ticks_of_day : (n,) int64 array
+        0 up to ``86400 * per_second``; beyond that, by less than a second, in the leap second that ends a day: it is
+        23:59:60.
     """
-    whole = np.floor(time)
-    seconds = np.int64(epoch.week) * np.int64(WEEK) + whole.astype(np.int64)
-    microseconds = seconds * 1_000_000 + np.rint((time - whole + epoch.tow) * 1e6).astype(np.int64)
-    starts = [int(DAY) * day + count + 1 for count, day in enumerate(_LEAP_DAYS)]
-    leaps = np.searchsorted(np.array(starts) * 1_000_000, microseconds, side="right")
-    return np.datetime64("1980-01-06", "us") + (microseconds - leaps * 1_000_000).astype("timedelta64[us]")
+    day = int(DAY) * per_second
+    leaps = np.array([leap * day + before * per_second for before, leap in enumerate(_LEAP_DAYS)], dtype=np.int64)
+    before = np.searchsorted(leaps, ticks, side="right")
+    in_leap = (before > 0) & (ticks < leaps[before - 1] + per_second)
+    utc = ticks - np.where(in_leap, before - 1, before) * per_second
+    days, ticks_of_day = np.divmod(utc, day)
+    return days - in_leap, ticks_of_day + in_leap * day
 
 
 def log_times(epoch: GpsEpoch, utc: Array) -> Array:
-    """Log times of UTC stamps: the inverse of :func:`utc_times` outside leap seconds.
+    """Log times of UTC stamps.
 
     Parameters
     ----------
     epoch : GpsEpoch
+        GPS time from which log times count.
     utc : (n,) array of datetime64[us]
+        Never inside a leap second, which this type does not have.
 
     Returns
     -------

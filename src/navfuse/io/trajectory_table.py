@@ -1,20 +1,24 @@
-"""Trajectories as native CSV and Parquet tables: solutions and truth."""
+"""Trajectories as native CSV and Parquet tables: solutions and truth; those of other programs are passed on."""
 
 from __future__ import annotations
 
 import os
 import warnings
 from math import degrees
+from pathlib import Path
 
 import numpy as np
 
+from navfuse.data.logs import GnssLog
 from navfuse.data.trajectory import Trajectory, wrapped
 from navfuse.errors import InputError, NavfuseWarning
+from navfuse.io import sbet
 from navfuse.io.columns import Field, Match, fields, match_columns, require, require_all_or_none
 from navfuse.io.gnss_plausibility import check_position_units
+from navfuse.io.gnss_table import read_gnss
 from navfuse.io.nineteen_columns import TRUTH_PART, is_nineteen_columns, part_of
 from navfuse.io.repair import time_order
-from navfuse.io.tables import CsvTable, ParquetTable, open_table, write_table
+from navfuse.io.tables import EXTENSIONS, CsvTable, ParquetTable, check_file, open_table, write_table
 from navfuse.io.units import scaled
 
 Array = np.ndarray
@@ -38,10 +42,14 @@ def read_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     run on beyond 360 or be negative, and the longitude may be counted to 360. Of a table of
     :mod:`navfuse.io.nineteen_columns` the truth is read.
 
+    A POSPac SBET file is read by :func:`navfuse.io.sbet.read_sbet`. Of an RTKLIB solution the rows with a fix are
+    taken, with the velocity if all of them have one; not their standard deviations, for which a fix gets a default
+    where the file has none.
+
     Parameters
     ----------
     path : path-like
-        A ``.csv`` or ``.parquet`` file.
+        A ``.csv`` or ``.parquet`` file, a ``.pos`` of RTKLIB, or a ``.sbet`` or ``.out`` of POSPac.
 
     Returns
     -------
@@ -59,6 +67,13 @@ def read_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     NavfuseWarning
         For ignored columns, and rows that are sorted or left out because of their stamp (under 1 %).
     """
+    extension = Path(path).suffix.lower()
+    if extension in sbet.EXTENSIONS:
+        return sbet.read_sbet(path)
+    if extension == ".pos":
+        return _of_fixes(read_gnss(path))
+    if extension not in EXTENSIONS:
+        check_file(path, (*EXTENSIONS, ".pos", *sbet.EXTENSIONS))
     table = open_table(path)
     if is_nineteen_columns(table.names, table.source):
         match = part_of(table, TRUTH_PART)
@@ -107,6 +122,13 @@ def write_trajectory(path: str | os.PathLike[str], trajectory: Trajectory) -> No
         If the extension is another one or the file cannot be written.
     """
     write_table(path, trajectory.to_columns())
+
+
+def _of_fixes(log: GnssLog) -> Trajectory:
+    velocity = log.velocity_n
+    if velocity is not None and not np.isfinite(velocity).all():
+        velocity = None
+    return Trajectory(log.time, log.lat, log.lon, log.height, velocity_n=velocity, source=log.source)
 
 
 def _columns(table: CsvTable | ParquetTable, match: Match) -> dict[str, Array]:

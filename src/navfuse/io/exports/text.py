@@ -11,7 +11,8 @@ import numpy as np
 
 from navfuse.data.export_track import ExportTrack
 from navfuse.errors import NavfuseWarning
-from navfuse.io.gps_time import utc_times
+from navfuse.io.exports.stamps import clocks, dates, gps_ticks
+from navfuse.io.gps_time import DAY, utc_of_gps
 
 Array = np.ndarray
 
@@ -27,19 +28,25 @@ def xml_text(text: str) -> str:
     return escape(_NOT_XML.sub("\ufffd", text), {'"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
 
 
-def iso_stamps(track: ExportTrack, format_: str) -> Array | None:
+def iso_stamps(track: ExportTrack, format_name: str) -> list[str] | None:
     """UTC of every epoch as ``2026-03-04T05:06:07.890Z``, or None, with a warning, where the date is not known.
 
     Parameters
     ----------
     track : ExportTrack
-    format_ : str
-        Name of the format, for the warning.
+    format_name : str
+        For the warning.
 
     Returns
     -------
-    (n,) array of str or None
-        To the millisecond if all stamps are whole milliseconds, else to the microsecond.
+    list of str or None
+        To the millisecond if all stamps are whole milliseconds, else to the microsecond. A leap second, which an XML
+        ``dateTime`` cannot hold, shows as the first second of the next day, which then comes twice.
+
+    Raises
+    ------
+    ConfigError
+        If the epoch puts the track before GPS time began.
 
     Warns
     -----
@@ -48,31 +55,35 @@ def iso_stamps(track: ExportTrack, format_: str) -> Array | None:
     """
     if track.epoch is None:
         warnings.warn(
-            f"{format_}: written without times, because nobody says to which date the times of the log belong; give "
-            "gnss.epoch_week_s in the project, or --epoch WEEK,SECONDS",
+            f"{format_name} is written without times, because nobody said to which date those of "
+            f"'{track.trajectory.source}' belong: set gnss.epoch_week_s = [week, seconds] in the project, or give "
+            "--epoch WEEK,SECONDS",
             NavfuseWarning,
             stacklevel=3,
         )
         return None
-    utc = utc_times(track.epoch, track.trajectory.time)
-    whole = not np.any(utc.astype(np.int64) % 1000)
-    return np.char.add(np.datetime_as_string(utc, unit="ms" if whole else "us"), "Z")
+    ticks, decimals = gps_ticks(track, format_name, 3)
+    days, ticks_of_day = utc_of_gps(ticks, 10**decimals)
+    spill, ticks_of_day = np.divmod(ticks_of_day, int(DAY) * 10**decimals)
+    times = zip(dates(days + spill), clocks(ticks_of_day, decimals, ":"), strict=True)
+    return [f"{date}T{clock}Z" for date, clock in times]
 
 
-def rows(template: str, columns: Sequence[Array]) -> Iterator[str]:
+def rows(template: str, columns: Sequence[Array | list[str]]) -> Iterator[str]:
     """Text of many rows, block by block.
 
     Parameters
     ----------
     template : str
         One row in ``%`` notation, line feed included; one place for each column.
-    columns : sequence of (n,) arrays
+    columns : sequence of (n,) arrays or lists
 
     Yields
     ------
     str
         Up to :data:`ROWS` rows.
     """
-    for start in range(0, columns[0].size, ROWS):
-        block = zip(*(column[start : start + ROWS].tolist() for column in columns), strict=True)
+    for start in range(0, len(columns[0]), ROWS):
+        pieces = [column[start : start + ROWS] for column in columns]
+        block = zip(*(piece.tolist() if isinstance(piece, np.ndarray) else piece for piece in pieces), strict=True)
         yield "".join(map(template.__mod__, block))
