@@ -28,6 +28,13 @@ def xml_text(text: str) -> str:
     return escape(_NOT_XML.sub("\ufffd", text), {'"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
 
 
+def above_geoid(track: ExportTrack) -> tuple[Array, str]:
+    """Heights (n,) [m] for formats that want them above the geoid, and above what they are, in words."""
+    if track.undulation is None:
+        return track.trajectory.height, "above the WGS 84 ellipsoid"
+    return track.trajectory.height - track.undulation, "above the geoid"
+
+
 def iso_stamps(track: ExportTrack, format_name: str) -> list[str] | None:
     """UTC of every epoch as ``2026-03-04T05:06:07.890Z``, or None, with a warning, where the date is not known.
 
