@@ -62,6 +62,8 @@ EXTENSIONS = (".sbet", ".out")
 _RANGES = {"lat": 0.5 * np.pi, "lon": 2.0 * np.pi, "height": 1e7, "roll": np.pi, "pitch": 0.5 * np.pi}
 _RANGES |= {"vx": 2e4, "vy": 2e4, "vz": 2e4, "platform_heading": 4.0 * np.pi, "wander": 4.0 * np.pi}
 _SLACK = 1e-9
+_LONGEST, _SHORTEST = 1e8, 1e-100
+"""Seconds that no time of a file is beyond or, unless it is zero, below; doubles with their bytes reversed are."""
 
 
 def read_sbet(path: str | os.PathLike[str], smrmsg: str | os.PathLike[str] | None = None) -> Trajectory:
@@ -167,7 +169,14 @@ def _records(path: os.PathLike[str], record: np.dtype, kind: str) -> Array:
 
 
 def _times(time: Array, source: str) -> Array:
-    """Times that go on across the week's end, increasing strictly."""
+    """Times that go on across the week's end, increasing strictly; they tell best whether the bytes are in order."""
+    flawed = (np.abs(time) > _LONGEST) | ((time != 0.0) & (np.abs(time) < _SHORTEST))
+    if flawed.any():
+        row = int(np.argmax(flawed))
+        raise InputError(
+            f"{source}: record {row + 1}: the time {time[row]:g} s cannot be; is this a POSPac file of little-endian"
+            " doubles?"
+        )
     step = np.diff(time)
     anew = (step < -0.5 * WEEK) & (step > -1.5 * WEEK)
     if anew.any():

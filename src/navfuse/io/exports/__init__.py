@@ -1,1 +1,1 @@
-"""Trajectories in the formats of other programs, one module each: ``write_NAME(path, track)``."""
+"""Trajectories in the formats of other programs: one module and one function ``write_NAME(path, track)`` per format."""
