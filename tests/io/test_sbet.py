@@ -31,7 +31,8 @@ POSPAC = (
 
 
 def record(time: float = 0.0, **changes: float) -> list[float]:
-    names = ("time lat lon height vx vy vz roll pitch heading wander ax ay az wx wy wz").split()
+    motion = ("vx", "vy", "vz", "roll", "pitch", "heading", "wander", "ax", "ay", "az", "wx", "wy", "wz")
+    names = ("time", "lat", "lon", "height", *motion)
     values = dict.fromkeys(names, 0.0) | {"time": time, "lat": 0.8, "lon": 0.2, "height": 500.0} | changes
     return list(values.values())
 

@@ -1,10 +1,10 @@
 """SBET: the smoothed best estimate of trajectory of Applanix POSPac, and its accuracy file SMRMSG.
 
 A file is nothing but records of little-endian doubles, without a header: 17 in an SBET (:data:`SBET`), 10 in an SMRMSG
-(:data:`SMRMSG`), in the order of Applanix's "POSPac MMS user guide", table of the SBET format.
+(:data:`SMRMSG`), in the order of Applanix's POSPac Land quick start guide, table 4.
 
-* Time: seconds of the GPS week in which the file begins. They go on beyond 604800 in the week after; which week it was
-  is not in the file.
+* Time: seconds of the GPS week in which the file begins; which week it was is not in the file. At the week's end they
+  go on beyond 604800, or begin anew at zero: files of both kinds are met, and both are read.
 * Latitude, longitude [rad], altitude [m] above the ellipsoid.
 * Velocity [m/s] in the wander frame: level, z up, x at the azimuth minus the wander angle, y to the left of x. With the
   wander angle a: north = x cos a - y sin a, east = -x sin a - y cos a, down = -z.
@@ -13,10 +13,10 @@ A file is nothing but records of little-endian doubles, without a header: 17 in 
 * Acceleration [m/s^2] and angular rate [rad/s] of the body, forward-right-down; gravity and the turning of the Earth
   are taken out.
 
-The signs are those of Applanix's text on the "standard navigation record", and hold on records of a real POSPac file
-(the two that PDAL's unit test of its SBET reader lists): their positions move with the velocity decoded this way, and
-their attitude turns with the angular rates. Other programs write north, east, down or east, north, up into the three
-velocities; nothing in a file tells. The comparison of a solution with a truth does.
+The signs are those of Applanix's text on its "standard navigation record", as programs that read it quote it, and they
+hold on a real file of POSPac (two records of which PDAL's unit test of its SBET reader lists): the positions move with
+the velocity decoded this way, and the attitude turns with the angular rates. Other programs write north, east, down or
+east, north, up into the three velocities, and nothing in a file tells; a comparison with a truth does.
 
 SMRMSG: time as above, standard deviations of position [m] and velocity [m/s] north, east, down, of roll, pitch and
 heading in arc minutes.

@@ -8,11 +8,11 @@ import numpy as np
 import pymap3d
 import pytest
 from hypothesis import given
-from reference.export_tracks import LEAP_SECOND, MIDNIGHT, WEEK_END, export_track, tracks
 
 from navfuse.errors import ConfigError
 from navfuse.io.exports.kitti import write_kitti
 from navfuse.io.exports.tum import continuous, write_tum
+from reference.export_tracks import LEAP_SECOND, MIDNIGHT, WEEK_END, export_track, tracks
 
 
 def tum(track, **options) -> tuple[list[str], np.ndarray]:

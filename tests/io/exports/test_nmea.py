@@ -9,6 +9,10 @@ import numpy as np
 import pynmea2
 import pytest
 from hypothesis import given
+
+from navfuse.data.gps_epoch import GpsEpoch
+from navfuse.errors import NavfuseWarning
+from navfuse.io.exports.nmea import MODE, write_nmea
 from reference.export_tracks import (
     LEAP_SECOND,
     UTC_MIDNIGHT,
@@ -18,10 +22,6 @@ from reference.export_tracks import (
     metres_apart,
     tracks,
 )
-
-from navfuse.data.gps_epoch import GpsEpoch
-from navfuse.errors import NavfuseWarning
-from navfuse.io.exports.nmea import MODE, write_nmea
 
 KINDS = ["RMC", "VTG", "GGA", "HDT", "GST", "ZDA"]
 

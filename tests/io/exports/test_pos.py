@@ -8,12 +8,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 from hypothesis import given
-from reference.export_tracks import LEAP_SECOND, MIDNIGHT, WEEK_END, export_track, gps_seconds, metres_apart, tracks
 
 import navfuse
 from navfuse.errors import NavfuseWarning
 from navfuse.io.exports.pos import write_pos
 from navfuse.io.trajectory_table import read_trajectory
+from reference.export_tracks import LEAP_SECOND, MIDNIGHT, WEEK_END, export_track, gps_seconds, metres_apart, tracks
 
 
 def parse(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:

@@ -6,13 +6,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import pytest
 from hypothesis import given
-from reference.export_tracks import MIDNIGHT, WEEK_END, export_track, gps_seconds, tracks
 
 from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.io.exports.sbet import write_sbet, write_smrmsg
 from navfuse.io.sbet import read_sbet
+from reference.export_tracks import MIDNIGHT, WEEK_END, export_track, gps_seconds, tracks
 
 
 def records(path: Path, doubles: int) -> np.ndarray:

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reference.export_tracks import export_track
 
 from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.errors import ConfigError, InputError
@@ -13,6 +12,7 @@ from navfuse.io.exports.pos import write_pos
 from navfuse.io.exports.sbet import write_sbet, write_smrmsg
 from navfuse.io.exports.stamps import clocks, dates, gps_ticks
 from navfuse.io.exports.tum import write_tum
+from reference.export_tracks import export_track
 
 DATED = [write_pos, write_nmea, write_sbet, write_smrmsg]
 EVERY = [*DATED, write_tum, write_kitti]
