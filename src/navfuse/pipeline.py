@@ -29,7 +29,7 @@ from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.result import Result
 from navfuse.data.start import Known
 from navfuse.data.trajectory import Trajectory
-from navfuse.errors import AlignmentError, ConfigError, FilterError, NavfuseWarning
+from navfuse.errors import AlignmentError, ConfigError, FilterError, InputError, NavfuseWarning
 from navfuse.filters.kinds import FILTERS
 from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.record import FilterRecord, collect
@@ -124,8 +124,9 @@ def run_project(
 ) -> Result:
     """Process a project file and write the result folder.
 
-    Writes the tables of :mod:`navfuse.io.result_folder` in every format of ``[output] formats``, ``summary.json`` and,
-    unless switched off, ``report.html``. They appear together or not at all.
+    Writes the tables of :mod:`navfuse.io.result_folder` and the best trajectory for other programs
+    (:mod:`navfuse.io.exports`) in the formats of ``[output] formats``, ``summary.json`` and, unless switched off,
+    ``report.html``. They appear together or not at all.
 
     Raises
     ------
@@ -141,12 +142,34 @@ def run_project(
     refuse_to_replace(project_inputs(project, path), folder, RUN_NAMES)
     with atomic_folder(folder, stale=RUN_NAMES) as staging:
         result = process(project, progress=progress)
-        write_result(staging, result, project.output.formats)
+        write_result(staging, result, project.output.tables)
+        _export(staging, result, project, Path(path).stem)
         if report:
             from navfuse.report.page import write_report
 
             write_report(staging / "report.html", result, title=Path(path).stem)
     return result
+
+
+def _export(staging: Path, result: Result, project: Project, name: str) -> None:
+    """Write the formats of other programs; one that cannot be written costs a warning, not the run."""
+    from navfuse.export_files import export_result
+
+    output = project.output
+    for format_ in output.exports:
+        try:
+            export_result(
+                staging,
+                result,
+                [format_],
+                point=output.export_point,
+                height=output.export_height,
+                geoid=output.export_geoid,
+                rate_hz=output.export_rate_hz,
+                name=name,
+            )
+        except (ConfigError, InputError) as error:
+            _warn(f'output.formats: "{format_}" is not written: {error}')
 
 
 def project_inputs(project: Project, path: str | os.PathLike[str]) -> list[Path]:

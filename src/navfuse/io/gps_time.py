@@ -11,6 +11,8 @@ from datetime import date
 
 import numpy as np
 
+from navfuse.data.gps_epoch import GpsEpoch
+
 Array = np.ndarray
 
 WEEK = 604800.0
@@ -87,3 +89,23 @@ def utc_of_gps(ticks: Array, per_second: int = 1) -> tuple[Array, Array]:
     utc = ticks - np.where(in_leap, before - 1, before) * per_second
     days, ticks_of_day = np.divmod(utc, day)
     return days - in_leap, ticks_of_day + in_leap * day
+
+
+def log_times(epoch: GpsEpoch, utc: Array) -> Array:
+    """Log times of UTC stamps.
+
+    Parameters
+    ----------
+    epoch : GpsEpoch
+        GPS time from which log times count.
+    utc : (n,) array of datetime64[us]
+        Never inside a leap second, which this type does not have.
+
+    Returns
+    -------
+    (n,) array [s]
+    """
+    microseconds = (utc - np.datetime64("1980-01-06", "us")).astype(np.int64)
+    leaps = np.searchsorted(np.array(_LEAP_DAYS) * int(DAY) * 1_000_000, microseconds, side="right")
+    since = microseconds + (leaps - epoch.week * int(WEEK)) * 1_000_000
+    return since * 1e-6 - epoch.tow
