@@ -174,3 +174,28 @@ def test_truth_of_the_car(shared_data):
     assert len(truth) == 36001
     assert truth.sd_position is None
     np.testing.assert_allclose(np.degrees(truth.attitude[0]), [0.0, 0.738801, 35.0], atol=1e-6)
+
+
+def test_an_rtklib_solution(shared_data):
+    """A whole .pos of RTKPOST is a trajectory: where every row has a velocity, with it; no standard deviations."""
+    path = shared_data / "taroz-matrtklib" / "rover_rtk.pos"
+    read = read_trajectory(path)
+    assert len(read) == 301
+    np.testing.assert_allclose(np.degrees([read.lat[0], read.lon[0]]), [35.134699011, 136.977575483], rtol=0, atol=1e-9)
+    assert read.height[0] == 104.8619
+    assert read.velocity_n is not None
+    np.testing.assert_allclose(read.velocity_n[0], [0.00141, -0.00126, 0.01073], rtol=0, atol=1e-12)
+    assert read.sd_position is None
+    assert read.source == str(path)
+
+
+def test_an_rtklib_solution_where_some_rows_have_no_velocity(write):
+    names = "latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu"
+    rows = [
+        f"2024/06/24 08:20:0{k}.000 48.0000{k} 11.5 500.0 1 9 0.01 0.01 0.02 {v} 0.0 0.0 {0.01 * v} 0.0 0.0"
+        for k, v in enumerate((1.1, 1.1, 0.0, 1.1))
+    ]
+    with pytest.warns(NavfuseWarning):
+        read = read_trajectory(write("\n".join([f"%  GPST {names}", *rows]) + "\n", "t.pos"))
+    assert len(read) == 4
+    assert read.velocity_n is None

@@ -1,10 +1,10 @@
 """SBET: the smoothed best estimate of trajectory of Applanix POSPac, and its accuracy file SMRMSG.
 
 A file is nothing but records of little-endian doubles, without a header: 17 in an SBET (:data:`SBET`), 10 in an SMRMSG
-(:data:`SMRMSG`), in the order of Applanix's "POSPac MMS user guide", table of the SBET format.
+(:data:`SMRMSG`), in the order of Applanix's POSPac Land quick start guide, table 4.
 
-* Time: seconds of the GPS week in which the file begins. They go on beyond 604800 in the week after; which week it was
-  is not in the file.
+* Time: seconds of the GPS week in which the file begins; which week it was is not in the file. At the week's end they
+  go on beyond 604800, or begin anew at zero: files of both kinds are met, and both are read.
 * Latitude, longitude [rad], altitude [m] above the ellipsoid.
 * Velocity [m/s] in the wander frame: level, z up, x at the azimuth minus the wander angle, y to the left of x. With the
   wander angle a: north = x cos a - y sin a, east = -x sin a - y cos a, down = -z.
@@ -13,10 +13,10 @@ A file is nothing but records of little-endian doubles, without a header: 17 in 
 * Acceleration [m/s^2] and angular rate [rad/s] of the body, forward-right-down; gravity and the turning of the Earth
   are taken out.
 
-The signs are those of Applanix's text on the "standard navigation record", and hold on records of a real POSPac file
-(the two that PDAL's unit test of its SBET reader lists): their positions move with the velocity decoded this way, and
-their attitude turns with the angular rates. Other programs write north, east, down or east, north, up into the three
-velocities; nothing in a file tells. The comparison of a solution with a truth does.
+The signs are those of Applanix's text on its "standard navigation record", as programs that read it quote it, and they
+hold on a real file of POSPac (two records of which PDAL's unit test of its SBET reader lists): the positions move with
+the velocity decoded this way, and the attitude turns with the angular rates. Other programs write north, east, down or
+east, north, up into the three velocities, and nothing in a file tells; a comparison with a truth does.
 
 SMRMSG: time as above, standard deviations of position [m] and velocity [m/s] north, east, down, of roll, pitch and
 heading in arc minutes.
@@ -62,6 +62,8 @@ EXTENSIONS = (".sbet", ".out")
 _RANGES = {"lat": 0.5 * np.pi, "lon": 2.0 * np.pi, "height": 1e7, "roll": np.pi, "pitch": 0.5 * np.pi}
 _RANGES |= {"vx": 2e4, "vy": 2e4, "vz": 2e4, "platform_heading": 4.0 * np.pi, "wander": 4.0 * np.pi}
 _SLACK = 1e-9
+_LONGEST, _SHORTEST = 1e8, 1e-100
+"""Seconds that no time of a file is beyond or, unless it is zero, below; doubles with their bytes reversed are."""
 
 
 def read_sbet(path: str | os.PathLike[str], smrmsg: str | os.PathLike[str] | None = None) -> Trajectory:
@@ -167,7 +169,14 @@ def _records(path: os.PathLike[str], record: np.dtype, kind: str) -> Array:
 
 
 def _times(time: Array, source: str) -> Array:
-    """Times that go on across the week's end, increasing strictly."""
+    """Times that go on across the week's end, increasing strictly; they tell best whether the bytes are in order."""
+    flawed = (np.abs(time) > _LONGEST) | ((time != 0.0) & (np.abs(time) < _SHORTEST))
+    if flawed.any():
+        row = int(np.argmax(flawed))
+        raise InputError(
+            f"{source}: record {row + 1}: the time {time[row]:g} s cannot be; is this a POSPac file of little-endian"
+            " doubles?"
+        )
     step = np.diff(time)
     anew = (step < -0.5 * WEEK) & (step > -1.5 * WEEK)
     if anew.any():

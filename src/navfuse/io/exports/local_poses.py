@@ -1,8 +1,9 @@
 """Poses in a local metric frame, as TUM and KITTI files hold them.
 
-A pose is the matrix that takes coordinates of the body to the frame of the file. The local frame is a
-plane at the first epoch, not a map: positions are ECEF differences from the first one turned to its east, north, up, so
-that distances and angles stay true over any length; a level body 10 km away leans by 0.09 deg against it, as it does on the Earth.
+A pose is the matrix that takes coordinates of the body to the frame of the file. The local frame is a plane at the
+first epoch, not a map: positions are ECEF differences from the first one turned to its east, north, up, so that
+distances and angles stay true over any length; a level body 10 km away leans by 0.09 deg against it, as it does on the
+Earth.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """SBET and SMRMSG files; the format is described in :mod:`navfuse.io.sbet`, which reads them.
 
 The wander angle is written as zero: the wander frame is then north, west, up, and the platform heading the true
-heading, so that programs which ignore the angle read the same. Seconds are those of the GPS week of the first epoch and
-go on beyond 604800 at its end, as POSPac's do. Acceleration and angular rate are zero where the track has none.
+heading, so that programs which ignore the angle read the same. Seconds are those of the GPS week of the first epoch
+and go on beyond 604800 at its end, so that they always increase. Acceleration and angular rate are zero where the
+track has none.
 """
 
 from __future__ import annotations
