@@ -100,7 +100,7 @@ def test_kml_track(tmp_path, schema):
     assert stamps == [FIRST + timedelta(milliseconds=100 * k) for k in range(60)]
     headings = [float(text.split()[0]) for text in texts(root, ".//gx:angles")]
     np.testing.assert_allclose(headings, np.degrees(track.trajectory.attitude[:, 2]), atol=1e-4)
-    assert {mode for mode in texts(root, ".//k:altitudeMode")} == {"absolute"}
+    assert set(texts(root, ".//k:altitudeMode")) == {"absolute"}
     assert "above the geoid" in texts(root, "k:Document/k:description")[0]
 
 
