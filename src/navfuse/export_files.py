@@ -13,7 +13,7 @@ from navfuse.analysis.export_track import Point, export_track
 from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.data.result import Result
 from navfuse.data.trajectory import Trajectory
-from navfuse.errors import ConfigError
+from navfuse.errors import ConfigError, InputError
 from navfuse.io.atomic import atomic_folder, refuse_to_replace
 from navfuse.io.events_table import read_events
 from navfuse.io.exports import EXTENSIONS, known_formats, write_track
@@ -125,12 +125,26 @@ def export_result(
     geoid: str,
     rate_hz: float | None,
     name: str,
-) -> None:
-    """Write the best trajectory of a run into its folder, in the formats that are not tables of navfuse."""
-    track = export_track(result, point=point, height=height, geoid=geoid, rate_hz=rate_hz, name=name)
+) -> dict[str, str]:
+    """Write the best trajectory of a run into its folder, in the formats that are not tables of navfuse.
+
+    Returns
+    -------
+    dict of str to str
+        The formats that could not be written, and why: not a reason to lose the run.
+    """
+    refused: dict[str, str] = {}
     stem = "forward" if result.smoothed is None else "smoothed"
+    try:
+        track = export_track(result, point=point, height=height, geoid=geoid, rate_hz=rate_hz, name=name)
+    except (ConfigError, InputError) as error:
+        return dict.fromkeys(formats, str(error))
     for format_ in formats:
-        write_track(format_, staging / f"{stem}{EXTENSIONS[format_]}", track)
+        try:
+            write_track(format_, staging / f"{stem}{EXTENSIONS[format_]}", track)
+        except (ConfigError, InputError) as error:
+            refused[format_] = str(error)
+    return refused
 
 
 def _opened(source: Source, solution: str) -> tuple[Result | Trajectory, str, Path | None]:

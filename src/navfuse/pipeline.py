@@ -29,7 +29,7 @@ from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.result import Result
 from navfuse.data.start import Known
 from navfuse.data.trajectory import Trajectory
-from navfuse.errors import AlignmentError, ConfigError, FilterError, InputError, NavfuseWarning
+from navfuse.errors import AlignmentError, ConfigError, FilterError, NavfuseWarning
 from navfuse.filters.kinds import FILTERS
 from navfuse.filters.navigation_filter import NavigationFilter
 from navfuse.filters.record import FilterRecord, collect
@@ -156,20 +156,20 @@ def _export(staging: Path, result: Result, project: Project, name: str) -> None:
     from navfuse.export_files import export_result
 
     output = project.output
-    for format_ in output.exports:
-        try:
-            export_result(
-                staging,
-                result,
-                [format_],
-                point=output.export_point,
-                height=output.export_height,
-                geoid=output.export_geoid,
-                rate_hz=output.export_rate_hz,
-                name=name,
-            )
-        except (ConfigError, InputError) as error:
-            _warn(f'output.formats: "{format_}" is not written: {error}')
+    if not output.exports:
+        return
+    refused = export_result(
+        staging,
+        result,
+        output.exports,
+        point=output.export_point,
+        height=output.export_height,
+        geoid=output.export_geoid,
+        rate_hz=output.export_rate_hz,
+        name=name,
+    )
+    for format_, reason in refused.items():
+        _warn(f'output.formats: "{format_}" is not written: {reason}')
 
 
 def project_inputs(project: Project, path: str | os.PathLike[str]) -> list[Path]:

@@ -23,6 +23,14 @@ from navfuse.io.units import scaled
 Array = np.ndarray
 
 REQUIRED = (Field("time", "time", "s"), *fields("angle", "deg", "lat", "lon"), Field("height", "length", "m"))
+_OF_EXPORTS = (
+    Field("label", text=True),
+    Field("utc", text=True),
+    Field("fix", text=True),
+    Field("n_satellites"),
+    *fields("length", "m", "undulation", "above_geoid"),
+)
+"""What :mod:`navfuse.io.exports.csv` adds: known, so that no one is warned, and not used."""
 _ABSURD = 1e15
 GROUPS = {
     "velocity_n": fields("speed", "mps", "vn", "ve", "vd"),
@@ -76,7 +84,7 @@ def read_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     if is_nineteen_columns(table.names, table.source):
         match = part_of(table, TRUTH_PART)
     else:
-        known = (*REQUIRED, *(field for group in GROUPS.values() for field in group))
+        known = (*REQUIRED, *(field for group in GROUPS.values() for field in group), *_OF_EXPORTS)
         match = match_columns(table.names, known, table.source)
     require(match, REQUIRED, "a trajectory")
     present = [name for name, group in GROUPS.items() if require_all_or_none(match, group, "a trajectory")]
@@ -134,8 +142,10 @@ def _of_rtklib(path: Path) -> Trajectory:
 
 def _columns(table: CsvTable | ParquetTable, match: Match) -> dict[str, Array]:
     """Every matched column in SI units by base name, finite and in range."""
-    values = table.read(list(match.column.values()))
-    columns = {base: scaled(values[name], match.factor[base]) for base, name in match.column.items()}
+    unused = {field.base for field in _OF_EXPORTS}
+    wanted = {base: name for base, name in match.column.items() if base not in unused}
+    values = table.read(list(wanted.values()))
+    columns = {base: scaled(values[name], match.factor[base]) for base, name in wanted.items()}
     limits = {"lat": (-np.pi / 2.0, np.pi / 2.0, "-90..90"), "lon": (-np.pi, 2.0 * np.pi, "-180..360")}
     for base, column in columns.items():
         flawed = ~(np.abs(column) < _ABSURD)

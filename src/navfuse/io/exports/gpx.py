@@ -61,7 +61,7 @@ def write_gpx(path: str | os.PathLike[str], track: ExportTrack) -> None:
 
 def _document(track: ExportTrack, stamps: list[str] | None) -> Iterator[str]:
     height, datum = above_geoid(track)
-    name, description = xml_text(track.name), xml_text(f"Position of {track.point}; heights {datum}.")
+    name, description = xml_text(track.name), xml_text(f"Point: {track.point}. Heights: {datum}.")
     yield _HEAD.format(name=name, description=description)
     element = "trkpt" if track.labels is None else "wpt"
     template, columns = _points(track, stamps, height, element)

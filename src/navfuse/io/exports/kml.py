@@ -72,7 +72,7 @@ def _document(track: ExportTrack, stamps: list[str] | None) -> Iterator[str]:
     trajectory = track.trajectory
     lon, lat = np.degrees(trajectory.lon), np.degrees(trajectory.lat)
     kind = quality(track)
-    yield _HEAD.format(name=xml_text(track.name), description=xml_text(f"Position of {track.point}; heights {datum}."))
+    yield _HEAD.format(name=xml_text(track.name), description=xml_text(f"Point: {track.point}. Heights: {datum}."))
     events = track.labels is not None
     colours = [colour for _, _, colour in CLASSES] + [UNKNOWN[1]]
     for index in np.unique(kind).tolist():
