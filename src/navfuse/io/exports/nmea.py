@@ -80,8 +80,8 @@ def write_nmea(path: str | os.PathLike[str], track: ExportTrack) -> None:
     ticks, decimals = gps_ticks(track, "NMEA 0183", 2)
     if track.undulation is None:
         warnings.warn(
-            f"{track.trajectory.source}: GGA of NMEA 0183 holds heights above the geoid, and without the geoid's undulation"
-            " they are left empty; ask for the geoid, or take a format with ellipsoidal heights",
+            f"{track.trajectory.source}: GGA of NMEA 0183 has heights above the geoid, and without the undulation they"
+            " are left empty; ask for the geoid, or take a format with ellipsoidal heights",
             NavfuseWarning,
             stacklevel=2,
         )
