@@ -9,15 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from navfuse.data.logs import GnssLog
 from navfuse.data.trajectory import Trajectory, wrapped
 from navfuse.errors import InputError, NavfuseWarning
 from navfuse.io import sbet
 from navfuse.io.columns import Field, Match, fields, match_columns, require, require_all_or_none
 from navfuse.io.gnss_plausibility import check_position_units
-from navfuse.io.gnss_table import read_gnss
 from navfuse.io.nineteen_columns import TRUTH_PART, is_nineteen_columns, part_of
 from navfuse.io.repair import time_order
+from navfuse.io.rtklib_pos import parse_rtklib_track
 from navfuse.io.tables import EXTENSIONS, CsvTable, ParquetTable, check_file, open_table, write_table
 from navfuse.io.units import scaled
 
@@ -50,9 +49,8 @@ def read_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     run on beyond 360 or be negative, and the longitude may be counted to 360. Of a table of
     :mod:`navfuse.io.nineteen_columns` the truth is read.
 
-    A POSPac SBET file is read by :func:`navfuse.io.sbet.read_sbet`. Of an RTKLIB solution the rows with a fix are
-    taken, with the velocity if all of them have one; not their standard deviations, for which a fix gets a default
-    where the file has none.
+    A POSPac SBET file is read by :func:`navfuse.io.sbet.read_sbet`. Of an RTKLIB solution the positions are taken, dead
+    reckoning included, and the velocity if every row has one; not its standard deviations.
 
     Parameters
     ----------
@@ -79,7 +77,7 @@ def read_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     if extension in sbet.EXTENSIONS:
         return sbet.read_sbet(path)
     if extension == ".pos":
-        return _of_fixes(read_gnss(path))
+        return _of_rtklib(check_file(path, (".pos",)))
     if extension not in EXTENSIONS:
         check_file(path, (*EXTENSIONS, ".pos", *sbet.EXTENSIONS))
     table = open_table(path)
@@ -132,7 +130,10 @@ def write_trajectory(path: str | os.PathLike[str], trajectory: Trajectory) -> No
     write_table(path, trajectory.to_columns())
 
 
-def _of_fixes(log: GnssLog) -> Trajectory:
+def _of_rtklib(path: Path) -> Trajectory:
+    log = parse_rtklib_track(path)
+    for note in log.notes:
+        warnings.warn(note, NavfuseWarning, stacklevel=3)
     velocity = log.velocity_n
     if velocity is not None and not np.isfinite(velocity).all():
         velocity = None

@@ -158,7 +158,7 @@ def test_the_clock_through_midnight(tmp_path):
 
 
 def test_no_undulation(tmp_path):
-    with pytest.warns(NavfuseWarning, match="heights above the geoid"):
+    with pytest.warns(NavfuseWarning, match="heights above the geoid, and without the undulation"):
         write_nmea(tmp_path / "t.nmea", export_track(5, undulation=None))
     gga = parse(tmp_path / "t.nmea")["GGA"][0]
     assert gga.data[8:12] == ["", "M", "", "M"]

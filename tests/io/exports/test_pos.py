@@ -102,6 +102,7 @@ def test_dead_reckoning_is_no_fix(tmp_path):
     with pytest.warns(NavfuseWarning, match="20 of 100 rows hold no position"):
         log = navfuse.read_gnss(tmp_path / "t.pos")
     assert len(log.time) == 80
+    assert len(read_trajectory(tmp_path / "t.pos")) == 100
 
 
 @pytest.mark.parametrize(
@@ -118,9 +119,22 @@ def test_positions_only(tmp_path):
     )
     write_pos(tmp_path / "t.pos", track)
     header, _, rows = parse(tmp_path / "t.pos")
+    read = read_trajectory(tmp_path / "t.pos")
     assert "vn(m/s)" not in header[-1]
     assert rows.shape == (100, 13)
     assert not rows[:, 4:].any()
+    assert (metres_apart(*np.degrees([read.lat, read.lon]), track) < 1e-4).all()
+
+
+def test_small_sigmas_are_not_zero(tmp_path):
+    """They would read as unknown, or as perfect."""
+    write_pos(
+        tmp_path / "t.pos", export_track(sd_position=np.full((100, 3), 1e-6), sd_velocity=np.full((100, 3), 1e-9))
+    )
+    log = navfuse.read_gnss(tmp_path / "t.pos")
+    assert (log.sd_position == 1e-4).all()
+    assert log.sd_velocity is not None
+    assert (log.sd_velocity == 1e-5).all()
 
 
 def test_height_above_the_geoid(tmp_path):

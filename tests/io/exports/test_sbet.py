@@ -9,7 +9,8 @@ import numpy as np
 from hypothesis import given
 
 from navfuse.data.gps_epoch import GpsEpoch
-from navfuse.io.exports.sbet import write_sbet, write_smrmsg
+from navfuse.io.exports.sbet import write_sbet
+from navfuse.io.exports.smrmsg import write_smrmsg
 from navfuse.io.sbet import read_sbet
 from reference.export_tracks import MIDNIGHT, WEEK_END, export_track, gps_seconds, tracks
 

@@ -9,7 +9,8 @@ from navfuse.io.exports.kitti import write_kitti
 from navfuse.io.exports.nmea import write_nmea
 from navfuse.io.exports.parts import check_parts, fix_codes
 from navfuse.io.exports.pos import write_pos
-from navfuse.io.exports.sbet import write_sbet, write_smrmsg
+from navfuse.io.exports.sbet import write_sbet
+from navfuse.io.exports.smrmsg import write_smrmsg
 from navfuse.io.exports.stamps import clocks, dates, gps_ticks
 from navfuse.io.exports.tum import write_tum
 from reference.export_tracks import export_track

@@ -16,6 +16,7 @@ EXTENSIONS = {
     "pos": ".pos",
     "nmea": ".nmea",
     "sbet": ".sbet",
+    "smrmsg": ".smrmsg",
     "tum": ".tum",
     "kitti": ".kitti",
 }

@@ -40,7 +40,7 @@ from navfuse.io.gps_time import utc_of_gps
 
 Array = np.ndarray
 
-QUALITY = {"single": 1, "sbas": 2, "dgps": 2, "rtk-fixed": 4, "rtk-float": 5, "ppp": 5, "none": 6}
+QUALITY = {"single": 1, "sbas": 2, "dgps": 2, "rtk-fixed": 4, "rtk-float": 5, "ppp": 5, "none": 6, "dead-reckoning": 6}
 """Fix type -> quality indicator of GGA. PPP shares 5 as in Trimble's receivers (RTX); 1 where nobody said."""
 MODE = {1: "A", 2: "D", 4: "R", 5: "F", 6: "E"}
 """Quality indicator -> mode indicator of RMC and VTG."""
@@ -80,8 +80,8 @@ def write_nmea(path: str | os.PathLike[str], track: ExportTrack) -> None:
     ticks, decimals = gps_ticks(track, "NMEA 0183", 2)
     if track.undulation is None:
         warnings.warn(
-            f"{path}: GGA holds heights above the geoid, and without the geoid's undulation they are left empty; ask"
-            " for the geoid, or take a format with ellipsoidal heights",
+            f"{track.trajectory.source}: GGA of NMEA 0183 has heights above the geoid, and without the undulation they"
+            " are left empty; ask for the geoid, or take a format with ellipsoidal heights",
             NavfuseWarning,
             stacklevel=2,
         )

@@ -7,9 +7,10 @@ RTKPLOT and whatever else reads ``.pos`` takes them, :func:`navfuse.read_gnss` t
 * latitude and longitude in decimal degrees (nine decimals, 0.1 mm), height in metres, ellipsoidal or above the geoid
   as the header says;
 * Q: 1 fixed, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP, and 7 dead reckoning where no fix was near; 5 where nobody said.
-  Readers of GNSS fixes leave out 7, rightly. ns is 0 where unknown;
+  :func:`navfuse.read_gnss` leaves out 7, since that is no fix. ns is 0 where unknown;
 * sdn, sde, sdu in metres; sdne, sdeu, sdun would be sign(c) sqrt(abs(c)) of the covariance c of north and east, east
-  and up, up and north. A trajectory holds no covariances: they are 0, as is a standard deviation that it lacks;
+  and up, up and north. A trajectory holds no covariances: they are 0, as are standard deviations that it lacks,
+  RTKLIB's own sign for unknown. One below the last decimal is written as that, for none to read as unknown;
 * age and ratio: 0;
 * with a velocity, vn, ve, vu in m/s (up is minus down) and their standard deviations likewise.
 
@@ -32,7 +33,7 @@ from navfuse.io.rtklib_pos import FIX_NAMES
 Array = np.ndarray
 
 QUALITY = {name: code for code, name in FIX_NAMES.items() if code} | {"none": 7}
-"""Fix type -> RTKLIB's Q (``SOLQ_...`` of ``rtklib.h``)."""
+"""Fix type -> RTKLIB's Q; a track's "none" is dead reckoning."""
 _SINGLE = 5
 
 _POSITION = "%14.9f %14.9f %10.4f %3d %3d %8.4f %8.4f %8.4f   0.0000   0.0000   0.0000   0.00    0.0"
@@ -77,12 +78,12 @@ def write_pos(path: str | os.PathLike[str], track: ExportTrack) -> None:
         track.heights(),
         fix_codes(track, QUALITY, _SINGLE),
         satellites,
-        *_triad(trajectory.sd_position, count),
+        *_triad(trajectory.sd_position, count, 1e-4),
     ]
     template, names = _POSITION, _POSITION_NAMES
     if trajectory.velocity_n is not None:
         velocity = trajectory.velocity_n * (1.0, 1.0, -1.0) + 0.0
-        columns += [*velocity.T, *_triad(trajectory.sd_velocity, count)]
+        columns += [*velocity.T, *_triad(trajectory.sd_velocity, count, 1e-5)]
         template, names = _POSITION + _VELOCITY, _POSITION_NAMES + _VELOCITY_NAMES
     stamps = [
         f"{day.replace('-', '/')} {clock} "
@@ -102,5 +103,5 @@ def write_pos(path: str | os.PathLike[str], track: ExportTrack) -> None:
         part.write_bytes(("\n".join(lines) + "\n").encode())
 
 
-def _triad(sd: Array | None, count: int) -> Array:
-    return np.zeros((3, count)) if sd is None else sd.T
+def _triad(sd: Array | None, count: int, least: float) -> Array:
+    return np.zeros((3, count)) if sd is None else np.where(sd > 0.0, np.maximum(sd, least), 0.0).T

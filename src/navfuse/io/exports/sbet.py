@@ -1,4 +1,4 @@
-"""SBET and SMRMSG files; the format is described in :mod:`navfuse.io.sbet`, which reads them.
+"""SBET files; the format is described in :mod:`navfuse.io.sbet`, which reads them.
 
 The wander angle is written as zero: the wander frame is then north, west, up, and the platform heading the true
 heading, so that programs which ignore the angle read the same. Seconds are those of the GPS week of the first epoch
@@ -18,7 +18,6 @@ from navfuse.io.atomic import atomic_file
 from navfuse.io.exports.parts import check_parts
 from navfuse.io.exports.stamps import needed_epoch
 from navfuse.io.gps_time import WEEK
-from navfuse.io.sbet import ARCMIN, SBET, SMRMSG
 
 Array = np.ndarray
 
@@ -64,35 +63,7 @@ def write_sbet(path: str | os.PathLike[str], track: ExportTrack) -> None:
         *(nothing if track.a_eb_b is None else track.a_eb_b).T,
         *(nothing if track.w_nb_b is None else track.w_nb_b).T,
     )
-    _write(path, columns, SBET)
-
-
-def write_smrmsg(path: str | os.PathLike[str], track: ExportTrack) -> None:
-    """Write the standard deviations of a track as an SMRMSG file; it appears whole or not at all.
-
-    Parameters
-    ----------
-    path : path-like
-        Replaced if it exists.
-    track : ExportTrack
-        With an epoch and all standard deviations.
-
-    Raises
-    ------
-    ConfigError
-        If the track has no epoch.
-    InputError
-        If the track is empty, lacks standard deviations, or holds a value that is no number.
-    OutputError
-        If the file cannot be written.
-    """
-    check_parts(track, "SMRMSG", ("sd_position", "sd_velocity", "sd_attitude"))
-    trajectory = track.trajectory
-    assert trajectory.sd_position is not None
-    assert trajectory.sd_velocity is not None
-    assert trajectory.sd_attitude is not None
-    sd = (trajectory.sd_position, trajectory.sd_velocity, trajectory.sd_attitude / ARCMIN)
-    _write(path, (seconds_of_week(track, "SMRMSG"), *np.hstack(sd).T), SMRMSG)
+    write_records(path, columns)
 
 
 def seconds_of_week(track: ExportTrack, format_name: str) -> Array:
@@ -107,7 +78,7 @@ def seconds_of_week(track: ExportTrack, format_name: str) -> Array:
     return seconds - WEEK * np.floor(seconds[0] / WEEK)
 
 
-def _write(path: str | os.PathLike[str], columns: tuple[Array, ...], record: np.dtype) -> None:
+def write_records(path: str | os.PathLike[str], columns: tuple[Array, ...]) -> None:
+    """Write columns (n,) as records of doubles; the file appears whole or not at all."""
     with atomic_file(path) as part:
         np.column_stack(columns).astype("<f8").tofile(part)
-        assert part.stat().st_size == columns[0].size * record.itemsize
