@@ -17,7 +17,7 @@ from navfuse.errors import ConfigError, InputError
 from navfuse.io.atomic import atomic_folder, refuse_to_replace
 from navfuse.io.events_table import read_events
 from navfuse.io.exports import EXTENSIONS, known_formats, write_track
-from navfuse.io.result_folder import read_result
+from navfuse.io.result_folder import FORMATS, TABLES, read_result
 from navfuse.io.trajectory_table import read_trajectory
 
 Source = Result | Trajectory | str | os.PathLike[str]
@@ -88,10 +88,10 @@ def export(
         start = found.epoch
     if isinstance(at, str | os.PathLike):
         events = read_events(at, start)
-        refused = [Path(at)]
+        read = [Path(at)]
         at, labels = events.time, events.labels if labels is None else labels
     else:
-        refused = []
+        read = []
     track = export_track(
         found,
         solution=solution,
@@ -107,8 +107,8 @@ def export(
     stem = stem if at is None else f"{stem}-events"
     files = {format_: f"{stem}{EXTENSIONS[format_]}" for format_ in names}
     if not isinstance(source, Result | Trajectory):
-        refused += list(Path(source).iterdir()) if Path(source).is_dir() else [Path(source)]
-    refuse_to_replace(refused, folder, files.values())
+        read += _tables(Path(source)) if Path(source).is_dir() else [Path(source)]
+    refuse_to_replace(read, folder, files.values())
     with atomic_folder(folder) as staging:
         for format_, file in files.items():
             write_track(format_, staging / file, track)
@@ -145,6 +145,11 @@ def export_result(
         except (ConfigError, InputError) as error:
             refused[format_] = str(error)
     return refused
+
+
+def _tables(folder: Path) -> list[Path]:
+    """The tables of a run that are there."""
+    return [path for name in TABLES for format_ in FORMATS if (path := folder / f"{name}.{format_}").exists()]
 
 
 def _opened(source: Source, solution: str) -> tuple[Result | Trajectory, str, Path | None]:

@@ -108,4 +108,5 @@ def log_times(epoch: GpsEpoch, utc: Array) -> Array:
     microseconds = (utc - np.datetime64("1980-01-06", "us")).astype(np.int64)
     leaps = np.searchsorted(np.array(_LEAP_DAYS) * int(DAY) * 1_000_000, microseconds, side="right")
     since = microseconds + (leaps - epoch.week * int(WEEK)) * 1_000_000
-    return since * 1e-6 - epoch.tow
+    start = round(epoch.tow * 1e6)
+    return (since - start) / 1e6 - (epoch.tow - start / 1e6)
