@@ -94,6 +94,18 @@ def test_a_file_and_what_is_no_file(tmp_path):
         navfuse.export(trajectory(), formats="csv")
 
 
+def test_a_solution_of_rtklib_brings_its_dates(tmp_path):
+    path = tmp_path / "rover.pos"
+    rows = [f"2024/06/24 08:20:0{k}.000 35.1 136.{k + 1} 104.5 1 9 0.01 0.01 0.02 0 0 0 0 0" for k in range(3)]
+    path.write_text(
+        "% GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) sdne sdeu sdun age ratio\n"
+    )
+    path.write_text(path.read_text() + "\n".join(rows) + "\n")
+    (gpx,) = navfuse.export(path, tmp_path / "out", "gpx")
+    times = [point.time.isoformat() for point in gpxpy.parse(gpx.read_text()).walk(only_points=True)]
+    assert times == [f"2024-06-24T08:19:4{k}+00:00" for k in (2, 3, 4)]
+
+
 def test_all_files_or_none(tmp_path):
     with pytest.raises(ConfigError, match="--epoch WEEK,SECONDS"):
         navfuse.export(trajectory(), tmp_path / "out", ["csv", "pos"])

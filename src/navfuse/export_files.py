@@ -18,6 +18,7 @@ from navfuse.io.atomic import atomic_folder, refuse_to_replace
 from navfuse.io.events_table import read_events
 from navfuse.io.exports import EXTENSIONS, known_formats, write_track
 from navfuse.io.result_folder import FORMATS, TABLES, read_result
+from navfuse.io.rtklib_pos import parse_rtklib_track
 from navfuse.io.trajectory_table import read_trajectory
 
 Source = Result | Trajectory | str | os.PathLike[str]
@@ -51,7 +52,7 @@ def export(
     at : path-like or (n,) array-like [s], optional
         A table of events (:func:`navfuse.io.events_table.read_events`), or their log times.
     epoch : GpsEpoch or (week, seconds), optional
-        GPS time from which the times count; default that of the run.
+        GPS time from which the times count; default that of the run, or of a ``.pos`` file.
     name : str, optional
         Of the track; default that of the folder of the run, or of the file.
     solution, point, rate_hz, labels, height, geoid
@@ -84,8 +85,8 @@ def export(
         if home is None:
             raise ConfigError("folder: say where to write what is no file itself")
         folder = home / "exports"
-    if start is None and isinstance(found, Result):
-        start = found.epoch
+    if start is None:
+        start = found.epoch if isinstance(found, Result) else _date_of(source)
     if isinstance(at, str | os.PathLike):
         events = read_events(at, start)
         read = [Path(at)]
@@ -150,6 +151,13 @@ def export_result(
 def _tables(folder: Path) -> list[Path]:
     """The tables of a run that are there."""
     return [path for name in TABLES for format_ in FORMATS if (path := folder / f"{name}.{format_}").exists()]
+
+
+def _date_of(source: Source) -> GpsEpoch | None:
+    """GPS time from which the times of a trajectory count, where its file says so: a ``.pos`` of RTKLIB."""
+    if isinstance(source, Result | Trajectory) or Path(source).suffix.lower() != ".pos":
+        return None
+    return parse_rtklib_track(Path(source)).epoch
 
 
 def _opened(source: Source, solution: str) -> tuple[Result | Trajectory, str, Path | None]:
