@@ -1,9 +1,12 @@
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 
 import pytest
 
+from navfuse.cli.export import export
+from navfuse.io.exports import EXTENSIONS
 from navfuse.io.result_folder import write_result
 
 
@@ -71,3 +74,7 @@ def test_antenna_of_a_run_without_settings(navfuse, run_folder):
 
 def test_no_format_is_wrong_usage(navfuse, run_folder):
     assert navfuse("export", run_folder)[0] == 2
+
+
+def test_the_help_names_every_format():
+    assert f"{', '.join(EXTENSIONS)}." in inspect.getsource(export)

@@ -18,7 +18,7 @@ def export(
     formats: Annotated[
         list[str],
         typer.Option(
-            "--format", "-f", metavar="FORMAT,...", help="kml, gpx, geojson, csv, pos, nmea, sbet, tum, kitti."
+            "--format", "-f", metavar="FORMAT,...", help="kml, gpx, geojson, csv, pos, nmea, sbet, smrmsg, tum, kitti."
         ),
     ],
     output: Annotated[

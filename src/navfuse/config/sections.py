@@ -427,8 +427,9 @@ class OutputConfig(Section):
     )
     export_point: Literal["imu", "antenna"] | Vector = key(
         "imu",
-        "m",
-        "Whose trajectory the other programs get: 'imu', 'antenna', or a lever arm from the IMU: forward, right, down.",
+        "",
+        "Whose trajectory the other programs get: 'imu', 'antenna', or a lever arm from the IMU [m]: forward, right, "
+        "down.",
         least=-1000.0,
         most=1000.0,
     )
