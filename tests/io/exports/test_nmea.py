@@ -67,6 +67,8 @@ def test_read_back_by_pynmea2(track):
             assert len(message.lon) == 13
             assert float(message.lat[2:]) < 60.0
             assert float(message.lon[3:]) < 60.0
+            assert float(message.lat) or message.lat_dir == "N"
+            assert float(message.lon) or message.lon_dir == "E"
     altitude, separation = numbers(found["GGA"], "altitude", "geo_sep").T
     np.testing.assert_allclose(altitude + separation, trajectory.height, rtol=0, atol=5.1e-4)
     np.testing.assert_allclose(separation, track.undulation, rtol=0, atol=5.1e-4)
