@@ -159,6 +159,7 @@ def test_events_outside_are_named_and_left_out(trajectory):
 def test_coinciding_events_stand_beside_each_other(trajectory):
     track = export_track(trajectory, at=[7.03, 3.0, 7.03], labels=["left", "first", "right"])
     assert track.labels.tolist() == ["first", "left", "right"]
+    assert export_track(trajectory, at=[1.0], labels=["half \ud83d"]).labels.tolist() == ["half ?"]
     np.testing.assert_array_equal(track.trajectory.lat[1], track.trajectory.lat[2])
 
 
@@ -249,9 +250,11 @@ def test_fix_types_and_satellites():
 def test_a_result_knows_its_antenna_epoch_and_solutions():
     epoch = GpsEpoch(2374, 100.0)
     run = result(summary={"settings": {"gnss": {"lever_arm_m": [1.0, 2.0, 3.0]}}}, epoch=epoch)
-    track = export_track(run, point="antenna")
+    with pytest.warns(NavfuseWarning, match="epochs are 1 s apart; the velocity of the point is interpolated"):
+        track = export_track(run, point="antenna")
     assert (track.point, track.epoch) == ("antenna", epoch)
-    expected = export_track(run.forward, point=[1.0, 2.0, 3.0])
+    with pytest.warns(NavfuseWarning, match="run with output.rate_hz = 10 or more"):
+        expected = export_track(run.forward, point=[1.0, 2.0, 3.0])
     assert expected.point == "1 m forward, 2 m right, 3 m down of the IMU"
     np.testing.assert_array_equal(track.trajectory.lat, expected.trajectory.lat)
     assert export_track(run, epoch=GpsEpoch(1, 2.0)).epoch == GpsEpoch(1, 2.0)
@@ -312,3 +315,9 @@ def test_trajectories_that_cannot_be_exported():
         export_track(level().take(slice(0, 0)))
     with pytest.raises(InputError, match="time does not increase"):
         export_track(level().take([0, 2, 1]))
+
+
+def test_coarse_epochs_are_not_interpolated_without_a_word():
+    with pytest.warns(NavfuseWarning, match="epochs are 1 s apart; the motion between epochs is interpolated"):
+        export_track(level(), at=[0.5, 1.0])
+    assert len(export_track(level(), at=[1.0, 2.0]).trajectory) == 2

@@ -23,7 +23,10 @@ def test_files_are_named(navfuse, run_folder, tmp_path):
         "export", run_folder, "--format", "kml,gpx", "-f", "csv", "-o", tmp_path / "out", "--point", "0.5,0,-1",
         "--epoch", "2374,243258", "--rate-hz", "1",
     )  # fmt: skip
-    assert (code, err) == (0, "")
+    assert code == 0
+    assert err.startswith("warning: ")
+    assert "epochs are 1 s apart" in err
+    assert err.count("\n") == 1
     assert out.split() == [str(tmp_path / "out" / f"forward.{name}") for name in ("kml", "gpx", "csv")]
     assert "Point: 0.5 m forward, 0 m right, -1 m down of the IMU" in (tmp_path / "out" / "forward.gpx").read_text()
 

@@ -34,6 +34,8 @@ Point = str | Sequence[float] | Array
 
 FIX_AGE_S = 2.0
 """A fix counts as that of an epoch for so long, or for one and a half intervals between fixes if that is longer."""
+COARSE_S = 0.25
+"""Epochs further apart than this are too coarse to be interpolated without a word."""
 FEWEST_S, MOST_EPOCHS = 1e-3, 50_000_000
 _NAMED = 5
 
@@ -91,7 +93,8 @@ def export_track(
     Warns
     -----
     NavfuseWarning
-        For events before the start, behind the end or in a gap, which are left out: nothing is extrapolated.
+        For events before the start, behind the end or in a gap, which are left out: nothing is extrapolated; and if
+        the epochs are too far apart to interpolate between them, or to tell how fast the vehicle turned.
 
     Notes
     -----
@@ -210,7 +213,9 @@ def _events(
     time = np.array(at, dtype=np.float64)
     if time.ndim != 1 or not time.size or not np.isfinite(time).all():
         raise InputError("events: their times have to be a list of finite numbers [s], at least one")
-    names = np.array([str(k + 1) for k in range(time.size)] if labels is None else labels, dtype=np.str_)
+    words = range(1, time.size + 1) if labels is None else labels
+    # Half a surrogate pair, which no UTF-8 file can hold, becomes a question mark.
+    names = np.array([str(word).encode("utf-8", "replace").decode() for word in words], dtype=np.str_)
     if names.shape != time.shape:
         raise InputError(f"events: {time.size} times but {names.size} labels")
     order = np.argsort(time, kind="stable")
@@ -242,6 +247,7 @@ def _sampled(trajectory: Trajectory, time: Array, lever_arm: Array) -> tuple[Tra
         )
     epochs = trajectory.time
     gap = np.inf if epochs.size == 1 else longest_bridged(epochs)
+    _warn_of_coarse_epochs(trajectory, time, here)
     motion = body_motion(earth_states(trajectory), time, gap)
     if not here:
         if motion.lone.any() and motion.v_e is not None:
@@ -275,6 +281,21 @@ def _sampled(trajectory: Trajectory, time: Array, lever_arm: Array) -> tuple[Tra
             if sd[name] is not None:
                 sd[name] = sd[name] + _swung(attitude, C_nb, arm, sd["sd_attitude"])
     return Trajectory(time, lat, lon, height, velocity, attitude, **sd, source=trajectory.source), motion
+
+
+def _warn_of_coarse_epochs(trajectory: Trajectory, time: Array, here: bool) -> None:
+    """What lies between epochs far apart is guesswork that the standard deviations know nothing of."""
+    if len(trajectory) < 2 or (here and np.isin(time, trajectory.time).all()):
+        return
+    usual = float(np.median(np.diff(trajectory.time)))
+    if usual > COARSE_S:
+        what = "velocity of the point is" if np.isin(time, trajectory.time).all() else "motion between epochs is"
+        warnings.warn(
+            f"{trajectory.source}: epochs are {usual:.3g} s apart; the {what} interpolated, with errors that the "
+            "standard deviations do not hold (a car at 1 Hz: up to 0.1 m and 4 deg); run with output.rate_hz = 10 or more",
+            NavfuseWarning,
+            stacklevel=5,
+        )
 
 
 def _swung(attitude: Array, C_nb: Array, arm: Array, sd_attitude: Array | None) -> Array:
