@@ -292,7 +292,8 @@ def _warn_of_coarse_epochs(trajectory: Trajectory, time: Array, here: bool) -> N
         what = "velocity of the point is" if np.isin(time, trajectory.time).all() else "motion between epochs is"
         warnings.warn(
             f"{trajectory.source}: epochs are {usual:.3g} s apart; the {what} interpolated, with errors that the "
-            "standard deviations do not hold (a car at 1 Hz: up to 0.1 m and 4 deg); run with output.rate_hz = 10 or more",
+            "standard deviations do not hold (a car at 1 Hz: up to 0.1 m and 4 deg); run with output.rate_hz = 10 or "
+            "more",
             NavfuseWarning,
             stacklevel=5,
         )
