@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from navfuse.data.logs import GnssLog, ImuLog
     from navfuse.data.result import Result
     from navfuse.data.trajectory import Trajectory
+    from navfuse.export_files import export
     from navfuse.io.gnss_table import read_gnss
     from navfuse.io.imu_table import read_imu
     from navfuse.io.result_folder import read_result
@@ -67,6 +68,7 @@ _HOMES = {
     "Trajectory": "navfuse.data.trajectory",
     "compare": "navfuse.analysis.metrics",
     "compare_filters": "navfuse.comparison",
+    "export": "navfuse.export_files",
     "load_project": "navfuse.config",
     "process": "navfuse.pipeline",
     "read_gnss": "navfuse.io.gnss_table",
@@ -92,6 +94,7 @@ __all__ = [
     "__version__",
     "compare",
     "compare_filters",
+    "export",
     "load_project",
     "process",
     "read_gnss",

@@ -27,6 +27,7 @@ from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.data.imu_overview import ImuOverview
 from navfuse.data.result import COMPONENTS, Innovations, Result, StateHistory
 from navfuse.errors import InputError, NavfuseWarning
+from navfuse.io.exports import EXTENSIONS
 from navfuse.io.gnss_table import read_gnss
 from navfuse.io.json_file import write_json
 from navfuse.io.log_tables import write_gnss
@@ -38,8 +39,12 @@ Array = np.ndarray
 TABLES = ("forward", "smoothed", "innovations", "states", "fixes")
 FORMATS = ("parquet", "csv")
 """Formats in which a run can write its tables."""
+EXPORTS = tuple(name for name in EXTENSIONS if name not in FORMATS)
+"""Formats of other programs, in which a run can write its best trajectory beside the tables."""
 RUN_NAMES = tuple(
-    [f"{name}.{format_}" for name in TABLES for format_ in FORMATS] + ["imu.json", "summary.json", "report.html"]
+    [f"{name}.{format_}" for name in TABLES for format_ in FORMATS]
+    + [f"{name}{EXTENSIONS[format_]}" for name in ("forward", "smoothed") for format_ in EXPORTS]
+    + ["imu.json", "summary.json", "report.html"]
 )
 """Every file that ``navfuse run`` may write."""
 
