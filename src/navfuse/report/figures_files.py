@@ -98,13 +98,14 @@ def plot(
         raise ConfigError(f"dpi = {dpi} is out of the range {LEAST_DPI} to {MOST_DPI}")
     if not (math.isfinite(skip_s) and skip_s >= 0.0):
         raise ConfigError(f"skip_s = {skip_s} has to be a time of zero or more seconds")
-    given = isinstance(source, Result)
-    if given and folder is None:
-        raise ConfigError("plot: give the folder to write to, folder=...; a result has none of its own")
-    result = source if given else read_result(source)
+    if isinstance(source, Result):
+        if folder is None:
+            raise ConfigError("plot: give the folder to write to, folder=...; a result has none of its own")
+        result, target = source, Path(folder)
+    else:
+        result, target = read_result(source), Path(source) / "figures" if folder is None else Path(folder)
     clock_of(result, time)
     known = truth if truth is None or isinstance(truth, Trajectory) else read_trajectory(Path(truth))
-    target = Path(folder) if folder is not None else Path(os.fspath(source)) / "figures"  # pyright: ignore[reportArgumentType]
     everything = "all" in (what.split(",") if isinstance(what, str) else what)
     files: list[Path] = []
     skipped: dict[str, str] = {}

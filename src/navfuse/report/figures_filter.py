@@ -40,6 +40,7 @@ GATED = ("gnss_position", "gnss_velocity")
 USED_REACH = 1.15
 NEAR_GATE = 1.6
 SMALL_NIS_PERCENT = 0.5
+MOST_NARROW_ROWS = 10
 
 
 def figure_innovations(result: Result, *, size: Size = "double", time: str = "auto") -> Figure:
@@ -68,7 +69,7 @@ def figure_innovations(result: Result, *, size: Size = "double", time: str = "au
     sources = _sources(result, "innovations")
     paper, clock = sheet(size), clock_of(result, time)
     columns = [(name, int(records.dof.max())) for name, records in sources.items()]
-    across = min(len(columns), 3 if paper.wide else 1)
+    across = _across(columns, paper)
     with drawing(paper, _columns_height(columns, across, paper)) as figure:
         grid, places = _columns(figure, columns, across)
         for name, records in sources.items():
@@ -82,7 +83,7 @@ def figure_innovations(result: Result, *, size: Size = "double", time: str = "au
                 limits = _reach(shown, sd, gate[order] * sd, k)
                 clouds(axes, clock, shown, shown.z[:, k], limits)
                 at = clock(shown.time)
-                band(axes, at, -3.0 * sd, 3.0 * sd, color=GUIDE, alpha=0.15, label="±3σ")
+                band(axes, at, -3.0 * sd, 3.0 * sd, color=COLORS["forward"], alpha=0.18, label="±3σ")
                 if np.isfinite(gate[order]).any():
                     look = {"color": GUIDE, "linestyle": (0, (5.0, 2.0)), "linewidth": 0.6}
                     curve(axes, at, gate[order] * sd, label="gate", **look)
@@ -132,10 +133,10 @@ def figure_nis(result: Result, *, size: Size = "double", time: str = "auto") -> 
                 curve(mean, at[order], running.mean[order], color=COLORS["forward"], label="running mean")
                 log_axis(mean, np.concatenate((running.mean, running.low, running.high)))
             mean.axhline(1.0, color=GUIDE, linewidth=0.5, linestyle=":")
-            mean.set_ylabel("mean NIS / dof [1]")
-            title = _shortened(plain(name), across, paper)
-            single.set_title(title)
-            mean.set_title(f"{title}, mean of {running.window}" if running.time.size else f"{title}, none used")
+            mean.set_ylabel("NIS / dof [1]")
+            ending = f", mean of {running.window}" if running.time.size else ", none used"
+            single.set_title(_shortened(plain(name), across, paper))
+            mean.set_title(_shortened(plain(name), across, paper, ending))
         finish(figure, grid, paper, clock, result)
     return figure
 
@@ -205,7 +206,7 @@ def figure_states(
     chosen = _histories(result, blocks)
     paper, clock = sheet(size), clock_of(result, time)
     columns = [(name, history.values.shape[1]) for name, history in chosen.items()]
-    across = min(len(columns), (2 if len(columns) in (2, 4) else 3) if paper.wide else (2 if len(columns) > 2 else 1))
+    across = _across(columns, paper)
     with drawing(paper, _columns_height(columns, across, paper)) as figure:
         grid, places = _columns(figure, columns, across)
         for name, history in chosen.items():
@@ -228,7 +229,7 @@ def figure_biases(result: Result, *, size: Size = "double", time: str = "auto") 
     """The biases of gyroscopes and accelerometers: :func:`figure_states` of these two blocks."""
     known = [name for name in BIASES if name in result.states]
     if not known:
-        _histories(result, None)
+        _histories(result, None, "biases")
         raise FigureUnavailable(
             f"biases: this run has no inertial biases among its states ({_listed(result.states)}); see 'states'"
         )
@@ -245,11 +246,11 @@ def _sources(result: Result, what: str) -> dict[str, Innovations]:
     return found
 
 
-def _histories(result: Result, blocks: Sequence[str] | None) -> dict[str, StateHistory]:
+def _histories(result: Result, blocks: Sequence[str] | None, what: str = "states") -> dict[str, StateHistory]:
     states = {name: history for name, history in result.states.items() if history.time.size and history.values.shape[1]}
     if not states:
         raise FigureUnavailable(
-            "states: this result has no sensor states (no states.parquet in its folder); run it again with this "
+            f"{what}: this result has no sensor states (no states.parquet in its folder); run it again with this "
             "version of navfuse"
         )
     if blocks is None:
@@ -299,7 +300,7 @@ def _components(name: str, places) -> tuple[tuple[str, ...], str]:
     if name in GATED:
         block = name.removeprefix("gnss_")
         return AXES[block], UNITS[block][0]
-    return tuple(f"z{k + 1}" for k in range(3)), "sensor unit"
+    return tuple(f"z{k + 1}" for k in range(3)), "SI"
 
 
 def _columns(
@@ -327,7 +328,14 @@ def _columns_height(columns: Sequence[tuple[str, int]], across: int, paper: Shee
     return height_of(rows, paper, 26.0)
 
 
-def _shortened(text: str, across: int, paper: Sheet) -> str:
-    """A title that fits over its panel."""
-    room = max(int(paper.width / 25.4 * 72.0 * 0.8 / across / (0.6 * paper.font)), 8)
-    return text if len(text) <= room else text[: room - 1] + "…"
+def _shortened(text: str, across: int, paper: Sheet, ending: str = "") -> str:
+    """A title that fits over its panel; the ending is kept."""
+    room = max(int(paper.width / 25.4 * 72.0 * 0.8 / across / (0.6 * paper.font)) - len(ending), 8)
+    return (text if len(text) <= room else text[: room - 1] + "…") + ending
+
+
+def _across(columns: Sequence[tuple[str, int]], paper: Sheet) -> int:
+    """Columns of panels side by side: as many as look well, two in a narrow figure only where one would be too high."""
+    if paper.wide:
+        return min(len(columns), 2 if len(columns) in (2, 4) else 3)
+    return 2 if sum(count for _, count in columns) > MOST_NARROW_ROWS else 1

@@ -22,6 +22,7 @@ from navfuse.report.figures_style import (
     height_of,
     legend,
     log_axis,
+    room_for,
     sheet,
 )
 from navfuse.report.panels import AXES, MAP_POINTS, STATUS_NAMES, UNITS, solutions_of
@@ -58,9 +59,12 @@ def figure_map(result: Result, truth: Trajectory | None = None, *, size: Size = 
     -------
     matplotlib.figure.Figure
     """
+    from matplotlib.ticker import MaxNLocator
+
     paper = sheet(size)
     origin = origin_of(result.forward)
-    tracks = {role: east_north(track, origin) for role, track in solutions_of(result, truth).items()}
+    shown = _tracks(result, truth)
+    tracks = {role: east_north(track, origin) for role, track in shown.items()}
     status = fix_status(result)
     fixes = east_north(result.fixes, origin) if result.fixes is not None else np.empty((0, 2))
     low, high = _map_limits(tracks, fixes, status)
@@ -71,14 +75,13 @@ def figure_map(result: Result, truth: Trajectory | None = None, *, size: Size = 
         for name in ("unused", *STATUS_NAMES):
             chosen = np.zeros(len(fixes), dtype=bool) if status is None else status == name
             if chosen.any():
-                shown = chosen & ((fixes >= low) & (fixes <= high)).all(axis=1)
+                inside = chosen & ((fixes >= low) & (fixes <= high)).all(axis=1)
                 label = f"fixes {STATUS_NAMES.get(name, 'not used')}"
-                outside = int(chosen.sum() - shown.sum())
+                outside = int(chosen.sum() - inside.sum())
                 label += f" ({outside} of {int(chosen.sum())} outside)" if outside else ""
-                cloud(axes, fixes[shown, 0], fixes[shown, 1], name, label, zorder=2.0)
+                cloud(axes, fixes[inside, 0], fixes[inside, 1], name, label, zorder=2.0)
         for role, plane in tracks.items():
-            time = (truth if role == "truth" and truth is not None else solutions_of(result)[role]).time
-            _, east, north = broken(time, plane[:, 0] * scale, plane[:, 1] * scale)
+            _, east, north = broken(shown[role].time, plane[:, 0] * scale, plane[:, 1] * scale)
             rows = decimate(np.column_stack((east, north)), MAP_POINTS)
             axes.plot(east[rows], north[rows], color=COLORS[role], linestyle=LINES[role], label=NAMES[role], zorder=3.0)
         axes.plot(0.0, 0.0, "k*", markersize=0.8 * paper.font, markeredgewidth=0.0, label="start", zorder=4.0)
@@ -86,6 +89,7 @@ def figure_map(result: Result, truth: Trajectory | None = None, *, size: Size = 
         axes.set_xlim(low[0], high[0], auto=True)
         axes.set_ylim(low[1], high[1], auto=True)
         axes.set_adjustable("datalim")
+        axes.xaxis.set_major_locator(MaxNLocator(room_for(axes, 8.0), steps=[1, 2, 5, 10]))
         legend(figure, [axes], paper)
     return figure
 
@@ -96,7 +100,7 @@ def figure_position(
     """North and east of the start, and ellipsoidal height, over time; parameters as :func:`figure_errors`."""
     origin = origin_of(result.forward)
     curves = {}
-    for role, track in solutions_of(result, truth).items():
+    for role, track in _tracks(result, truth).items():
         plane = east_north(track, origin)
         curves[role] = (track.time, np.column_stack((plane[:, 1], plane[:, 0], track.height)))
     return _stack(result, curves, ("north [m]", "east [m]", "height [m]"), size, time)
@@ -270,10 +274,18 @@ def _errors(result: Result, truth: Trajectory | None, skip_s: float, name: str) 
     return {role: errors(track, truth, skip_s=skip_s) for role, track in solutions_of(result).items()}
 
 
+def _tracks(result: Result, truth: Trajectory | None) -> dict[str, Trajectory]:
+    """Trajectories to draw by role; of a truth the stretch of the run."""
+    if truth is not None:
+        first, last = result.forward.time[[0, -1]]
+        truth = truth.take((truth.time >= first) & (truth.time <= last))
+    return solutions_of(result, truth if truth is not None and len(truth) else None)
+
+
 def _known(result: Result, truth: Trajectory | None, name: str) -> dict[str, tuple[Array, Array]]:
     found = {
         role: (track.time, values)
-        for role, track in solutions_of(result, truth).items()
+        for role, track in _tracks(result, truth).items()
         if (values := getattr(track, name)) is not None
     }
     if not set(found) - {"truth"}:
@@ -355,7 +367,7 @@ def _least_range(axes: Axes, least: float = 1e-6) -> None:
 
 
 def _map_limits(tracks: Mapping[str, Array], fixes: Array, status: Array | None) -> tuple[Array, Array]:
-    """Corners of the map [m]: all tracks, and all but the farthest of the fixes that were used (of all, if none was)."""
+    """Corners of the map [m]: all tracks, and all but the farthest of the used fixes (of all, if none was used)."""
     boxes = [np.nanpercentile(plane, (0.0, 100.0), axis=0) for plane in tracks.values()]
     if status is not None and len(fixes):
         used = np.isin(status, ("used", "reset", "withheld"))

@@ -21,6 +21,8 @@ Array = np.ndarray
 CURVE_POINTS = 2000
 """Of a curve: one for each 0.09 mm of a double column, and none of the extremes is left out."""
 CLOUD_POINTS = 20000
+FEW_POINTS = 600
+"""Fewer points are drawn larger."""
 BREAK_STEPS, BREAK_S = 5.0, 1.0
 """A curve breaks where a step is longer than so many usual ones and than so many seconds."""
 NO_FIX = "no position fix used"
@@ -66,9 +68,14 @@ def steps(axes: Axes, x: Array, y: Array, **look: Any) -> None:
 def cloud(axes: Axes, x: Array, y: Array, status: str, label: str | None = None, **look: Any) -> None:
     """Measurements of one fate; a picture inside the vector formats where there are many."""
     rows = decimate(y, CLOUD_POINTS)
-    many = rows.size > VECTOR_POINTS
+    chosen = MARKERS[status] | look
+    chosen["s"] *= float(np.clip(FEW_POINTS / max(rows.size, 1), 1.0, 4.0 if status == "used" else 1.5))
     axes.scatter(
-        x[rows], y[rows], label=label or STATUS_NAMES.get(status, status), rasterized=many, **(MARKERS[status] | look)
+        x[rows],
+        y[rows],
+        label=label or STATUS_NAMES.get(status, status),
+        rasterized=rows.size > VECTOR_POINTS,
+        **chosen,
     )
 
 

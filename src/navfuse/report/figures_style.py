@@ -34,9 +34,12 @@ LEAST_MM, MOST_MM = 20.0, 2000.0
 MOST_HEIGHT_MM = 230.0
 """As high as the page of a journal is; the panels of a figure of free height share it."""
 
+LEAST_PANEL_MM = 19.0
+"""A panel is at least so high, to leave room for the label of its axis."""
+
 CLOCKS = ("auto", "gps", "utc", "log")
 FAR_FROM_ZERO_S = 1e6
-"""Log times beyond are drawn from a round number near the start, so that the ticks stay readable."""
+"""Log times beyond are drawn from a round number near the start: the ticks stay readable."""
 
 COLORS = {"forward": "#0b3c8c", "smoothed": "#e06a00", "truth": "#000000"}
 LINES = {"forward": "-", "smoothed": (0, (4.0, 1.3)), "truth": (0, (1.0, 1.2))}
@@ -156,7 +159,7 @@ def style(font: float) -> Iterator[None]:
         "axes.formatter.limits": (-5, 7),
         "grid.color": "0.88",
         "grid.linewidth": 0.4,
-        "lines.linewidth": 0.8,
+        "lines.linewidth": 0.1 * font,
         "legend.frameon": False,
         "legend.handlelength": 2.4,
         "legend.columnspacing": 1.2,
@@ -170,9 +173,9 @@ def style(font: float) -> Iterator[None]:
 
 
 def height_of(rows: int, paper: Sheet, each: float = 24.0, extra: float = 18.0) -> float:
-    """Height [mm] of a stack of panels with its legend and time axis, as high as a page at most."""
+    """Height [mm] of a stack of panels with its legend and time axis: as high as a page at most, unless there are many."""
     room = (MOST_HEIGHT_MM - extra) / max(rows, 1)
-    return extra + rows * max(min(each, room), 14.0)
+    return extra + rows * max(min(each, room), LEAST_PANEL_MM * paper.font / 8.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +247,7 @@ def time_axis(axes: Axes, clock: Clock, span: tuple[float, float], *, label: boo
     if not last > first:
         first, last = first - 0.5, last + 0.5
     axes.set_xlim(first, last)
-    few = _room(axes, 10.0 if clock.utc else 7.5)
+    few = room_for(axes, 10.0 if clock.utc else 7.5)
     if clock.utc:
         step = next((s for s in _STEPS_S if (last - first) / s <= few), _STEPS_S[-1])
         axes.xaxis.set_major_locator(MultipleLocator(step))
@@ -269,7 +272,7 @@ def _time_of_day(x: float, step: float) -> str:
     return f"{hours:02d}:{minutes:02d}:" + (f"{seconds:02.0f}" if step >= 1.0 else f"{seconds:04.1f}")
 
 
-def _room(axes: Axes, characters: float) -> int:
+def room_for(axes: Axes, characters: float) -> int:
     """How many tick labels of so many characters stand beside each other under a panel."""
     import matplotlib
 
