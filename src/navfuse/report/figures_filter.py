@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from navfuse.analysis.consistency import PROBABILITY
-from navfuse.core.nearest import nearest
 from navfuse.data.result import Innovations, Result, StateHistory
+from navfuse.report.curves import AXES, STATE_UNITS, UNITS
 from navfuse.report.figures_panels import band, clouds, curve, finish, grid_of
 from navfuse.report.figures_style import (
     COLORS,
@@ -22,11 +22,12 @@ from navfuse.report.figures_style import (
     height_of,
     legend,
     log_axis,
+    meant,
     plain,
     sheet,
 )
-from navfuse.report.panels import AXES, STATE_UNITS, UNITS
-from navfuse.report.quality import gate_limits, normalised, residual_histogram, running_nis
+from navfuse.report.measurement_panels import gate_of
+from navfuse.report.quality import normalised, residual_histogram, running_nis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,14 +69,15 @@ def figure_innovations(result: Result, *, size: Size = "double", time: str = "au
     """
     sources = _sources(result, "innovations")
     paper, clock = sheet(size), clock_of(result, time)
-    columns = [(name, int(records.dof.max())) for name, records in sources.items()]
+    columns = [(name, min(int(records.dof.max()), records.z.shape[1])) for name, records in sources.items()]
     across = _across(columns, paper)
     with drawing(paper, _columns_height(columns, across, paper)) as figure:
         grid, places = _columns(figure, columns, across)
-        for name, records in sources.items():
-            labels, unit = _components(name, places)
+        for name, count in columns:
+            records = sources[name]
+            labels, unit = _components(name)
             gate = np.sqrt(_gate(result, name, records))
-            for k in range(int(records.dof.max())):
+            for k in range(count):
                 axes = places[name, k]
                 formed = np.isfinite(records.z[:, k]) & np.isfinite(records.sd[:, k])
                 order = np.flatnonzero(formed)[np.argsort(records.time[formed], kind="stable")]
@@ -231,7 +233,7 @@ def figure_biases(result: Result, *, size: Size = "double", time: str = "auto") 
     if not known:
         _histories(result, None, "biases")
         raise FigureUnavailable(
-            f"biases: this run has no inertial biases among its states ({_listed(result.states)}); see 'states'"
+            f"biases: this run has no inertial biases among its states ({', '.join(map(plain, result.states))}); see 'states'"
         )
     return figure_states(result, known, size=size, time=time)
 
@@ -257,21 +259,14 @@ def _histories(result: Result, blocks: Sequence[str] | None, what: str = "states
         return states
     for name in blocks:
         if name not in states:
-            like = nearest(name, states)
-            raise FigureUnavailable(
-                f"states: no block {name!r} among {_listed(states)}" + (f"; did you mean {like}?" if like else "")
-            )
+            raise FigureUnavailable(f"states: no block {name!r} among {', '.join(states)}{meant(name, states)}")
     return {name: states[name] for name in blocks}
 
 
-def _listed(names) -> str:
-    return ", ".join(names)
-
-
 def _gate(result: Result, name: str, records: Innovations) -> Array:
-    """Gate of each measurement of a source; infinite where the run does not say."""
-    share = result.summary.get("settings", {}).get("gnss", {}).get("gate_probability") if name in GATED else None
-    return np.full(len(records), np.inf) if share is None else gate_limits(records, share)
+    """Gate of each measurement of a source; infinite where the record does not tell."""
+    limits = gate_of(result, name, records)
+    return np.full(len(records), np.inf) if limits is None else limits
 
 
 def _reach(records: Innovations, sd: Array, gate: Array, k: int) -> tuple[float, float]:
@@ -295,7 +290,7 @@ def _chi_square(dof: Array) -> Array:
     return chdtri(dof.astype(float), 1.0 - PROBABILITY)
 
 
-def _components(name: str, places) -> tuple[tuple[str, ...], str]:
+def _components(name: str) -> tuple[tuple[str, ...], str]:
     """Names and unit of the components of a measurement."""
     if name in GATED:
         block = name.removeprefix("gnss_")

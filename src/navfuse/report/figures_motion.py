@@ -10,6 +10,7 @@ import numpy as np
 from navfuse.analysis.metrics import ErrorSeries, errors
 from navfuse.data.result import Result
 from navfuse.data.trajectory import Trajectory
+from navfuse.report.curves import AXES, UNITS, solutions_of
 from navfuse.report.figures_panels import band, broken, cloud, curve, finish, grid_of
 from navfuse.report.figures_style import (
     COLORS,
@@ -25,7 +26,8 @@ from navfuse.report.figures_style import (
     room_for,
     sheet,
 )
-from navfuse.report.panels import AXES, MAP_POINTS, STATUS_NAMES, UNITS, solutions_of
+from navfuse.report.map_panel import MAP_POINTS
+from navfuse.report.measurement_panels import STATUS_NAMES
 from navfuse.report.quality import error_cdf, position_percentiles, separation
 from navfuse.report.series import NAMES, break_wraps, decimate, east_north, fix_status, origin_of
 

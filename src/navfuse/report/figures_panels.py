@@ -9,7 +9,7 @@ import numpy as np
 
 from navfuse.data.result import Innovations, Result
 from navfuse.report.figures_style import MARKERS, SHADE, VECTOR_POINTS, Clock, Sheet, legend, time_axis
-from navfuse.report.panels import STATUS_NAMES
+from navfuse.report.measurement_panels import STATUS_NAMES
 from navfuse.report.series import POSITION_SOURCE, decimate, gaps
 
 if TYPE_CHECKING:

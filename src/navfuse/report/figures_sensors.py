@@ -8,6 +8,7 @@ import numpy as np
 
 from navfuse.data.logs import GnssLog
 from navfuse.data.result import Result
+from navfuse.report.curves import AXES, UNITS
 from navfuse.report.figures_panels import band, curve, finish, grid_of, steps
 from navfuse.report.figures_style import (
     AXIS_COLORS,
@@ -25,7 +26,6 @@ from navfuse.report.figures_style import (
     plain,
     sheet,
 )
-from navfuse.report.panels import AXES, UNITS
 from navfuse.report.quality import gnss_sigmas
 
 if TYPE_CHECKING:

@@ -10,7 +10,6 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import date
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +17,9 @@ import numpy as np
 from navfuse.core.nearest import nearest
 from navfuse.data.result import Result
 from navfuse.errors import ConfigError, InputError
-from navfuse.io.gps_time import DAY, leap_seconds
+from navfuse.io.gps_time import DAY
+from navfuse.report.clock import leap_at, utc_text
+from navfuse.report.text import label as label_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -173,7 +174,7 @@ def style(font: float) -> Iterator[None]:
 
 
 def height_of(rows: int, paper: Sheet, each: float = 24.0, extra: float = 18.0) -> float:
-    """Height [mm] of a stack of panels with its legend and time axis: as high as a page at most, unless there are many."""
+    """Height [mm] of a stack of panels with legend and time axis: a page at most, unless there are very many."""
     room = (MOST_HEIGHT_MM - extra) / max(rows, 1)
     return extra + rows * max(min(each, room), LEAST_PANEL_MM * paper.font / 8.0)
 
@@ -233,10 +234,9 @@ def clock_of(result: Result, kind: str = "auto") -> Clock:
     if kind != "utc":
         return Clock(f"GPS time [s of week {epoch.week}]", epoch.tow)
     gps = epoch.seconds + start
-    leap = leap_seconds(int(gps // DAY))
-    leap = leap_seconds(int((gps - leap) // DAY))
+    leap = leap_at(gps)
     day = int((gps - leap) // DAY)
-    return Clock(f"UTC, {date.fromordinal(date(1980, 1, 6).toordinal() + day)}", epoch.seconds - leap - day * DAY, True)
+    return Clock(f"UTC, {utc_text(epoch, start)[:10]}", epoch.seconds - leap - day * DAY, True)
 
 
 def time_axis(axes: Axes, clock: Clock, span: tuple[float, float], *, label: bool = True) -> None:
@@ -284,7 +284,7 @@ def room_for(axes: Axes, characters: float) -> int:
 
 
 def log_axis(axes: Axes, values: Array, which: str = "y") -> None:
-    """A logarithmic axis (``x`` or ``y``) around the positive values, its ticks written as numbers; linear where there are none."""
+    """A logarithmic axis (``x`` or ``y``) around the positive values, ticks written as numbers; linear without any."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     positive = values[np.isfinite(values) & (values > 0.0)]
@@ -296,14 +296,24 @@ def log_axis(axes: Axes, values: Array, which: str = "y") -> None:
     axes.set(**{f"{which}scale": "log", f"{which}lim": (low, high)})
     axis = axes.xaxis if which == "x" else axes.yaxis
     decades = np.log10(high / low)
-    if decades < 0.5:
+    if decades < 0.8:
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
         axis.set_minor_formatter(NullFormatter())
     else:
         subs = (1.0, 2.0, 5.0) if decades < 2.0 else (1.0,)
-        axis.set_major_locator(LogLocator(subs=subs, numticks=8))
+        axis.set_major_locator(LogLocator(subs=subs, numticks=_ticks_up(axes) if which == "y" else 8))
         axis.set_minor_formatter(NullFormatter())
     axis.set_major_formatter(FuncFormatter(lambda x, _: power_text(x)))
+
+
+def _ticks_up(axes: Axes) -> int:
+    """How many tick labels stand above each other beside a panel."""
+    import matplotlib
+
+    figure, place = axes.get_figure(root=True), axes.get_subplotspec()
+    rows = 1 if place is None else place.get_gridspec().nrows
+    height = 0.0 if figure is None else figure.get_size_inches()[1] * 72.0 * 0.8 / rows
+    return int(np.clip(height / (2.0 * matplotlib.rcParams["font.size"]), 2, 8))
 
 
 def power_text(x: float) -> str:
@@ -338,5 +348,5 @@ def meant(word: str, known: Iterable[str]) -> str:
 
 
 def plain(name: str) -> str:
-    """Name of a sensor or state for people; what cannot be printed is a question mark."""
-    return "".join(letter if letter.isprintable() else "?" for letter in name.replace("_", " "))
+    """Name of a sensor or state for people, on one line."""
+    return " ".join(label_of(name).split())
