@@ -233,7 +233,7 @@ def figure_biases(result: Result, *, size: Size = "double", time: str = "auto") 
     if not known:
         _histories(result, None, "biases")
         raise FigureUnavailable(
-            f"biases: this run has no inertial biases among its states ({', '.join(map(plain, result.states))}); see 'states'"
+            f"biases: this run has no inertial biases among its states ({', '.join(result.states)}); see 'states'"
         )
     return figure_states(result, known, size=size, time=time)
 
