@@ -37,8 +37,8 @@ def utc_clock(epoch: GpsEpoch | None, time: float) -> str:
 def clock_of(epoch: GpsEpoch | None, start: float, end: float) -> dict[str, object] | None:
     """What the page's script needs to write a clock: week at the start, its second at log time zero, and Unix time.
 
-    Past the end of that week the seconds count on. ``unix`` lists (from log time [s], Unix time of log time zero [s]): two of them where a leap second falls into the
-    run.
+    Past the end of that week the seconds count on. ``unix`` lists (from log time [s], Unix time of log time zero [s]):
+    two of them where a leap second falls into the run.
     """
     if epoch is None:
         return None
