@@ -148,7 +148,7 @@ def _spectra(imu: ImuOverview | None) -> list[Panel]:
                 [row("density", unit, curves, log=True)],
                 SECTION,
                 numbers=f"Median over frequency: {', '.join(numbers)} {unit}." if numbers else "",
-                why=_why_no_imu(imu) if imu is None else "",
+                why=_why_no_imu(imu) if imu is None else NO_SPECTRUM,
                 x=("frequency", "Hz", True),
             )
         )
