@@ -44,6 +44,7 @@ from navfuse.errors import (  # noqa: E402
 )
 
 if TYPE_CHECKING:
+    from navfuse import figures
     from navfuse.analysis.metrics import compare
     from navfuse.comparison import compare_filters
     from navfuse.config import Project, load_project
@@ -55,7 +56,6 @@ if TYPE_CHECKING:
     from navfuse.io.result_folder import read_result
     from navfuse.io.trajectory_table import read_trajectory
     from navfuse.pipeline import process
-    from navfuse.report import figures
     from navfuse.report.figures_files import plot
     from navfuse.scenario_files import simulate_scenario
 
@@ -79,7 +79,7 @@ _HOMES = {
     "simulate_scenario": "navfuse.scenario_files",
 }
 
-_MODULES = {"figures": "navfuse.report.figures"}
+_MODULES = ("figures",)
 
 __all__ = [
     "AlignmentError",
@@ -115,7 +115,7 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'navfuse' has no attribute {name!r}")
     from importlib import import_module
 
-    value = import_module(_MODULES[name]) if name in _MODULES else getattr(import_module(_HOMES[name]), name)
+    value = import_module(f"navfuse.{name}") if name in _MODULES else getattr(import_module(_HOMES[name]), name)
     globals()[name] = value
     return value
 

@@ -21,10 +21,10 @@ def test_named_figures_in_several_formats(navfuse, folder, tmp_path):
     target = tmp_path / "paper"
     looks = ("--size", "single", "--dpi", 50, "--skip-s", 1, "--format", "png,svg", "-o", target)
     truth = tmp_path / "truth.parquet"
-    code, out, err = navfuse("plot", folder, "--what", "map,errors", "--truth", truth, *looks)
+    code, out, err = navfuse("plot", folder, "--what", "map,error_cdf", "--truth", truth, *looks)
     assert (code, err) == (0, "")
-    assert out == f"4 files in {target}: map.png, map.svg, errors.png, errors.svg\n"
-    assert sorted(path.name for path in target.iterdir()) == ["errors.png", "errors.svg", "map.png", "map.svg"]
+    assert out == f"4 files in {target}: map.png, map.svg, error_cdf.png, error_cdf.svg\n"
+    assert sorted(path.name for path in target.iterdir()) == ["error_cdf.png", "error_cdf.svg", "map.png", "map.svg"]
 
 
 def test_all_leaves_out_what_there_is_not(navfuse, folder):

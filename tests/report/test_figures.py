@@ -503,5 +503,6 @@ def test_the_package_offers_them():
     from navfuse import figures
 
     assert navfuse.figures is figures
+    assert figures.__name__ == "navfuse.figures"
     assert figures.figure_map is figure_map
     assert all(name in figures.__all__ for name in (f"figure_{name}" for name in FIGURES))

@@ -15,7 +15,7 @@ from navfuse.errors import ConfigError, NavfuseWarning
 from navfuse.io.atomic import atomic_folder
 from navfuse.io.result_folder import read_result
 from navfuse.io.trajectory_table import read_trajectory
-from navfuse.report.figures import draw, names_of
+from navfuse.report.figures import FIGURES, draw, names_of
 from navfuse.report.figures_style import FigureUnavailable, Size, clock_of, meant, sheet, style
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def plot(
         result, target = read_result(source), Path(source) / "figures" if folder is None else Path(folder)
     clock_of(result, time)
     known = truth if truth is None or isinstance(truth, Trajectory) else read_trajectory(Path(truth))
-    everything = "all" in (what.split(",") if isinstance(what, str) else what)
+    everything = set(FIGURES) <= set(names)
     files: list[Path] = []
     skipped: dict[str, str] = {}
     with atomic_folder(target) as staging:
