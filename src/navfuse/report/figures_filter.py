@@ -124,7 +124,7 @@ def figure_nis(result: Result, *, size: Size = "double", time: str = "auto") -> 
                     single, clock(formed.time[order]), gate[order],
                     color=GUIDE, linestyle=(0, (5.0, 2.0)), linewidth=0.6, label="gate",
                 )  # fmt: skip
-            log_axis(single, np.concatenate((formed.nis[formed.nis >= low], bound)))
+            log_axis(single, np.concatenate((formed.nis[formed.nis >= low], bound, gate[np.isfinite(gate)])))
             single.set_ylabel("NIS [1]")
             running = running_nis(records)
             label = f"{100.0 * PROBABILITY:g} % bounds"
