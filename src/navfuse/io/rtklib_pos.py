@@ -20,6 +20,7 @@ from navfuse.data.logs import GnssLog
 from navfuse.errors import ConfigError, InputError
 from navfuse.io.gnss_rows import UNSTATED, GnssNames, GnssRows, StatedSigmas, gnss_log
 from navfuse.io.gps_time import DAY, WEEK, days_since_epoch, leap_seconds
+from navfuse.io.tables import Where
 
 Array = np.ndarray
 
@@ -82,7 +83,18 @@ def parse_rtklib_pos(
     """
     source = str(path)
     notes: list[str] = []
-    layout, days, seconds, lines, data = _read_lines(path, source, notes)
+    rows, names, where = rtklib_rows(path, notes, time_offset_s, epoch)
+    return gnss_log(rows, names, source, where, notes, stated)
+
+
+def rtklib_rows(
+    path: Path, notes: list[str], time_offset_s: float = 0.0, epoch: tuple[int, float] | None = None
+) -> tuple[GnssRows, GnssNames, Where]:
+    """The rows of an RTKLIB solution file before any check of their values; notes are appended to `notes`.
+
+    Parameters, layouts and errors as in :func:`parse_rtklib_pos`.
+    """
+    layout, days, seconds, lines, data = _read_lines(path, str(path), notes)
     week, tow = (int((days[0] * DAY + seconds[0]) // WEEK), 0.0) if epoch is None else _checked_epoch(epoch)
     rows = _rows((days - 7 * week) * DAY + (seconds - tow) + time_offset_s, data, layout)
     ecef = layout.is_ecef
@@ -93,7 +105,7 @@ def parse_rtklib_pos(
         velocity=("vx", "vy", "vz") if ecef else ("vn", "ve", "vu"),
         sd_velocity=("sdvx", "sdvy", "sdvz") if ecef else ("sdvn", "sdve", "sdvu"),
     )
-    return gnss_log(rows, names, source, lambda row: f"line {lines[row]}", notes, stated)
+    return rows, names, lambda row: f"line {lines[row]}"
 
 
 def _checked_epoch(epoch: tuple[int, float]) -> tuple[int, float]:
