@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from navfuse.io.imu_table import read_imu
     from navfuse.io.trajectory_table import read_trajectory
     from navfuse.pipeline import process
+    from navfuse.project_inspection import inspect
     from navfuse.scenario_files import simulate_scenario
 
 __version__ = "0.1.0"
@@ -66,6 +67,7 @@ _HOMES = {
     "Trajectory": "navfuse.data.trajectory",
     "compare": "navfuse.analysis.metrics",
     "compare_filters": "navfuse.comparison",
+    "inspect": "navfuse.project_inspection",
     "load_project": "navfuse.config",
     "process": "navfuse.pipeline",
     "read_gnss": "navfuse.io.gnss_table",
@@ -90,6 +92,7 @@ __all__ = [
     "__version__",
     "compare",
     "compare_filters",
+    "inspect",
     "load_project",
     "process",
     "read_gnss",

@@ -79,6 +79,19 @@ def find_axes(imu: ImuLog, gnss: GnssLog | None, offset_s: float = 0.0) -> Found
     FoundAxes
     """
     return FoundAxes(
-        axes=None, confidence=0.0, second=None, score=0.0, second_score=0.0, up=None, tilt=None, forward=None,
-        roll=None, pitch=None, yaw=None, gyro_sense=None, gyro_up=None, left_handed=None, reason="not estimated",
+        axes=None,
+        confidence=0.0,
+        second=None,
+        score=0.0,
+        second_score=0.0,
+        up=None,
+        tilt=None,
+        forward=None,
+        roll=None,
+        pitch=None,
+        yaw=None,
+        gyro_sense=None,
+        gyro_up=None,
+        left_handed=None,
+        reason="not estimated",
     )

@@ -157,7 +157,9 @@ def _fixes(rows: GnssRows, usable: int) -> Finding:
     kinds = ""
     if rows.fix is not None:
         names, counts = np.unique(rows.fix.astype(str), return_counts=True)
-        kinds = ": " + ", ".join(f"{name or 'none'} {100.0 * count / total:.3g} %" for name, count in zip(names, counts))
+        kinds = ": " + ", ".join(
+            f"{name or 'none'} {100.0 * count / total:.3g} %" for name, count in zip(names, counts)
+        )
     text = f"{usable} of {total} rows hold a position{kinds}"
     if usable < 2:
         return Finding("fixes", Verdict.WRONG, text, "export the positions too")
@@ -208,7 +210,10 @@ def _height(rows: GnssRows, names: GnssNames) -> Finding:
     text = f"{rows.height.min():.1f} to {rows.height.max():.1f} m"
     if not DEEPEST < middle < HIGHEST:
         return Finding(
-            "height", Verdict.LOOK, f"{text}: not a height of a vehicle in metres", f"check '{names.height}' and its unit"
+            "height",
+            Verdict.LOOK,
+            f"{text}: not a height of a vehicle in metres",
+            f"check '{names.height}' and its unit",
         )
     if not rows.height.any():
         return Finding("height", Verdict.LOOK, "all heights are 0 m", "export the ellipsoidal height too")
@@ -392,5 +397,3 @@ def _log(rows: GnssRows, source: str) -> GnssLog:
         fix=rows.fix,
         source=source,
     )
-
-

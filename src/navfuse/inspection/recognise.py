@@ -106,7 +106,7 @@ class Recognised:
     fault: str = ""
 
     def renames(self, wanted: Sequence[Field], units: Mapping[str, str]) -> list[str]:
-        """"'acc_x' to 'accel_x_mps2'" for each column that no reader takes, by the units given per base name."""
+        """ "'acc_x' to 'accel_x_mps2'" for each column that no reader takes, by the units given per base name."""
         told = []
         for one in wanted:
             column = self.columns.get(one.base)
@@ -145,7 +145,9 @@ def recognise(path: Path) -> Recognised:
         role, columns = _role(table.names, generous, path)
         if role != "unknown":
             return Recognised(path, kind, role, table, columns)
-    fault = "no columns of a sensor were recognised; the first are " + ", ".join(f"'{name}'" for name in table.names[:8])
+    fault = "no columns of a sensor were recognised; the first are " + ", ".join(
+        f"'{name}'" for name in table.names[:8]
+    )
     return Recognised(path, kind, "unknown", table, {}, fault)
 
 

@@ -143,7 +143,12 @@ def check_rest(imu: ImuLog, gnss: GnssLog | None) -> Finding:
         f"to {np.degrees(rest.rate):.2g} deg/s, |f| {excess:+.2g} m/s^2 off 9.807",
         "the accelerometers are 3 % off or more: check their scale and unit" if odd else "",
         settings,
-        {"arw_deg_per_sqrt_h": arw, "vrw_mps_per_sqrt_h": vrw, "rate_degps": np.degrees(rest.rate), "excess_mps2": excess},
+        {
+            "arw_deg_per_sqrt_h": arw,
+            "vrw_mps_per_sqrt_h": vrw,
+            "rate_degps": np.degrees(rest.rate),
+            "excess_mps2": excess,
+        },
     )
 
 
@@ -151,7 +156,9 @@ def _grade(rest: Rest) -> str:
     """The best generic grade that does not contradict what the stand shows."""
     for name in GENERIC[:-1]:
         model = GRADES[name]
-        force_sd = np.hypot(np.max(model.axes("accel_bias_sd")), STANDARD_GRAVITY * np.max(model.axes("accel_scale_sd")))
+        force_sd = np.hypot(
+            np.max(model.axes("accel_bias_sd")), STANDARD_GRAVITY * np.max(model.axes("accel_scale_sd"))
+        )
         slack = 0.03
         if (
             rest.arw < 1.5 * model.arw
