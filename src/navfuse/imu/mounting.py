@@ -1,10 +1,40 @@
-"""What the x, y, z of an inertial log point to in the vehicle, and how it is tilted in its mount."""
+"""What the x, y, z of an inertial log point to in the vehicle, and how it is tilted in its mount.
+
+Up is where the mean specific force points. Forward is where the vehicle goes: with inertial data levelled and turned
+to north (:mod:`navfuse.imu.level_match`), every velocity of GNSS is a direction in the axes of the sensor, and over
+curves, hills and winds their mean is the nose of a land vehicle, aircraft or boat. What strays about that mean says how
+far it is one. Where gyroscopes and accelerometers do not go together, accelerations along and across the track tell,
+for a land vehicle.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
+import numpy as np
+from scipy.stats import norm
+
+from navfuse.core.constants import STANDARD_GRAVITY
+from navfuse.core.rotation import euler_from_dcm
 from navfuse.data.logs import GnssLog, ImuLog
+from navfuse.imu.axes_reading import LEAST_CORRELATION, Compared, compare, compare_along_track
+from navfuse.imu.increments import ImuIncrements
+from navfuse.imu.level_match import stretch_phases
+from navfuse.imu.seen_motion import Array, coarse_increments, has_velocity, stretches, usable_gnss
+from navfuse.imu.turning import changes_of_course
+from navfuse.io.imu_table import body_from_file
+
+LEAST_SPEED = 2.0
+"""Slower velocities do not tell a course."""
+LEAST_CONCENTRATION = 0.8
+"""Mean resultant length of the directions of travel, below which it does not point along its course."""
+LEAST_TURNS, LEAST_TURN, TURNS_ALIKE = 20, np.radians(2.0), 0.7
+TILTED = np.radians(35.0)
+"""Beyond it the nearest axis is no more the axis that points up or forward."""
+LEAST_YAW_SD = np.radians(2.0)
+STANDS_OUT = 25.0
+LETTERS = (("B", "F"), ("L", "R"), ("U", "D"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +92,24 @@ class FoundAxes:
     notes: tuple[str, ...] = ()
 
 
+class Nose(NamedTuple):
+    """Direction of travel in the axes of the file.
+
+    Attributes
+    ----------
+    direction : (3,) array
+        Unit vector.
+    concentration : float
+        0..1, mean resultant length of the directions.
+    sd : float [rad]
+        From the scatter between stretches.
+    """
+
+    direction: Array
+    concentration: float
+    sd: float
+
+
 def find_axes(imu: ImuLog, gnss: GnssLog | None, offset_s: float = 0.0) -> FoundAxes:
     """Find what the axes of a file point to.
 
@@ -78,20 +126,197 @@ def find_axes(imu: ImuLog, gnss: GnssLog | None, offset_s: float = 0.0) -> Found
     -------
     FoundAxes
     """
+    increments, holes = coarse_increments(imu)
+    force = increments.inc_v_b.sum(axis=0) / max(float(increments.dt.sum()), 1e-9) if len(increments) else np.zeros(3)
+    size = float(np.linalg.norm(force))
+    if not 0.5 < size / STANDARD_GRAVITY < 2.0:
+        return _unknown(f"the mean specific force is {size:.2f} m/s^2, where gravity alone makes 9.8")
+    up = force / size
+    k = int(np.argmax(np.abs(up)))
+    tilt = float(np.arccos(min(1.0, abs(up[k]))))
+    found = replace(_unknown(""), up=_name(k, up[k]), tilt=tilt)
+    if gnss is None:
+        return replace(found, reason="without GNSS only the vertical is known")
+    gnss = usable_gnss(gnss)
+    found = _with_turns(found, increments, gnss, up, offset_s)
+    if tilt > TILTED:
+        return replace(
+            found,
+            reason=f"no axis is near the vertical ({np.degrees(tilt):.0f} deg off): it needs imu.rotation, not imu.axes",
+        )
+    seen = _seen(increments, holes, gnss, offset_s)
+    if seen is None:
+        return replace(found, reason="it does not accelerate enough, or is too short, to tell which way is forward")
+    return _with_nose(found, seen, up, offset_s)
+
+
+def _unknown(reason: str) -> FoundAxes:
     return FoundAxes(
-        axes=None,
-        confidence=0.0,
-        second=None,
-        score=0.0,
-        second_score=0.0,
-        up=None,
-        tilt=None,
-        forward=None,
-        roll=None,
-        pitch=None,
-        yaw=None,
-        gyro_sense=None,
-        gyro_up=None,
-        left_handed=None,
-        reason="not estimated",
-    )
+        axes=None, confidence=0.0, second=None, score=0.0, second_score=0.0, up=None, tilt=None, forward=None,
+        roll=None, pitch=None, yaw=None, gyro_sense=None, gyro_up=None, left_handed=None, reason=reason,
+    )  # fmt: skip
+
+
+def _name(axis: int, sign: float) -> str:
+    return ("-" if sign < 0.0 else "+") + "xyz"[axis]
+
+
+def _with_turns(found: FoundAxes, increments: ImuIncrements, gnss: GnssLog, up: Array, offset_s: float) -> FoundAxes:
+    """Add which gyroscope turns with the course, and which way."""
+    time = increments.time + offset_s
+    begin, end, course, weight = changes_of_course(gnss, time[0], time[-1])
+    if course.size < LEAST_TURNS:
+        return found
+    share = weight / weight.sum()
+    course = course - share @ course
+    turn = np.sqrt(share @ course**2)
+    if turn < LEAST_TURN:
+        return found
+    total = np.concatenate([np.zeros((1, 3)), np.cumsum(increments.inc_theta_b, axis=0)])
+    total = np.column_stack([total, -total @ up])
+    turned = np.stack([np.interp(end, time, x) - np.interp(begin, time, x) for x in total.T], axis=1)
+    turned -= share @ turned
+    power = np.sqrt(share @ turned**2) * turn
+    correlation = (share @ (turned * course[:, None])) / np.maximum(power, 1e-12)
+    k = int(np.argmax(np.abs(correlation[:3])))
+    if abs(correlation[k]) < TURNS_ALIKE:
+        return found
+    gyro_up = _name(k, -correlation[k])
+    sense = int(np.sign(correlation[3])) if abs(correlation[3]) > TURNS_ALIKE else None
+    notes = []
+    if found.up is not None and gyro_up[1] != found.up[1]:
+        sense = None
+        notes.append(
+            f"gyroscope {gyro_up[1]} turns with the course, but accelerometer {found.up[1]} feels gravity: gyroscopes"
+            " and accelerometers are in different order"
+        )
+    elif sense == -1:
+        notes.append(
+            "the gyroscopes turn left where the course turns right: their signs, or those of the accelerometers, are"
+            " reversed"
+        )
+    return replace(found, gyro_sense=sense, gyro_up=gyro_up, notes=(*found.notes, *notes))
+
+
+def _seen(increments: ImuIncrements, holes: Array, gnss: GnssLog, offset_s: float) -> Compared | None:
+    """Accelerations compared at the offset, in the reading that agrees; None if none does."""
+    time = increments.time + offset_s
+    rows = stretches(gnss, time[0], time[-1], holes + offset_s, not has_velocity(gnss))
+    if not rows.time.shape[0]:
+        return None
+    at = np.array([offset_s])
+    seen = compare(increments, holes, rows, at)
+    if seen.correlation < LEAST_CORRELATION or -seen.deviance < STANDS_OUT:
+        seen = compare_along_track(increments, holes, rows, at)
+    return seen if seen.correlation > LEAST_CORRELATION and -seen.deviance > STANDS_OUT else None
+
+
+def _with_nose(found: FoundAxes, seen: Compared, up: Array, offset_s: float) -> FoundAxes:
+    """Add which axis is forward, and what follows from it."""
+    reading = seen.reading
+    notes = list(found.notes)
+    if reading.mirrored and found.gyro_sense == -1:
+        notes = ["the accelerometers look reversed, all three: at rest they read +9.8 along down, not up"]
+        up, mirror = -up, False
+    else:
+        mirror = reading.mirrored
+    nose = _nose(seen, offset_s)
+    if nose is None or nose.concentration < LEAST_CONCENTRATION:
+        strays = "" if nose is None else f" (mean resultant length {nose.concentration:.2f} of 1)"
+        return replace(found, notes=tuple(notes), reason=f"it does not point along its course{strays}, or hardly moves")
+    down = -up
+    forward = nose.direction - (nose.direction @ down) * down
+    forward /= np.linalg.norm(forward)
+    right = np.cross(down, forward) * (-1.0 if mirror else 1.0)
+    vehicle = np.stack([forward, right, down])
+    scores = _scores(vehicle, mirror)
+    (axes, score), (second, second_score) = scores[:2]
+    yaw = _yaw(vehicle, axes)
+    sure = norm.cdf((np.pi / 4.0 - abs(yaw)) / max(nose.sd, LEAST_YAW_SD))
+    k = int(np.argmax(np.abs(forward)))
+    found = replace(
+        found, confidence=float(np.clip(2.0 * sure - 1.0, 0.0, 1.0)) * nose.concentration, second=second,
+        score=score * nose.concentration, second_score=second_score * nose.concentration,
+        up=_name(int(np.argmax(np.abs(up))), up[np.argmax(np.abs(up))]),
+        forward=_name(k, forward[k]), left_handed=reading.mirrored,
+    )  # fmt: skip
+    if mirror:
+        reason = (
+            f"the axes are left-handed (x, y, z point {axes}): reverse the signs of one accelerometer and gyroscope"
+        )
+        return replace(found, reason=reason, notes=(*notes, reason))
+    if abs(yaw) > TILTED:
+        reason = f"no axis is near the course ({np.degrees(abs(yaw)):.0f} deg off): it needs imu.rotation, not imu.axes"
+        return replace(found, reason=reason, notes=tuple(notes))
+    roll, pitch, heading = euler_from_dcm(tuple((vehicle @ body_from_file(axes).T).ravel()))
+    return replace(
+        found, axes=axes, reason=None, roll=float(roll), pitch=float(pitch),
+        yaw=float((heading + np.pi) % (2.0 * np.pi) - np.pi), notes=tuple(notes),
+    )  # fmt: skip
+
+
+def _nose(seen: Compared, offset_s: float) -> Nose | None:
+    """Mean direction of travel in the axes of the file, over all rows that move."""
+    match = seen.match
+    phase, coherence = stretch_phases(match, offset_s)
+    course = _courses(seen)
+    moving = np.abs(course) >= (LEAST_SPEED if seen.reading.sense else 0.0)
+    weight = np.where(moving & (match.rows.weight > 0.0), np.abs(course), 0.0) * coherence[:, None]
+    unit = course / np.maximum(np.abs(course), 1e-9) / phase[:, None]
+    in_l = unit.real[..., None] * match.basis[:, None, 0] + unit.imag[..., None] * match.basis[:, None, 1]
+    at = match.rows.time - offset_s
+    time = match.motion.time
+    in_file = np.stack(
+        [
+            sum(np.interp(at, time, axis[:, k]) * in_l[..., k] for k in range(3))
+            for axis in match.motion.axes_l
+        ],
+        axis=-1,
+    )  # fmt: skip
+    sums, shares = np.einsum("wm,wmk->wk", weight, in_file), weight.sum(axis=1)
+    if not shares.any():
+        return None
+    total = sums.sum(axis=0)
+    length = float(np.linalg.norm(total))
+    direction = total / length
+    stray = sums - (sums @ direction)[:, None] * direction
+    return Nose(direction, length / float(shares.sum()), float(np.sqrt(np.sum(stray**2)) / length))
+
+
+def _courses(seen: Compared) -> Array:
+    """Velocity (w, m) as complex numbers; of a comparison along the track, 1 m/s ahead."""
+    rows = seen.match.rows
+    if not seen.reading.sense:
+        return np.ones_like(rows.seen)
+    if not rows.positions:
+        return rows.seen
+    ahead = np.zeros_like(rows.seen)
+    ahead[:, 1:-1] = (rows.seen[:, 2:] - rows.seen[:, :-2]) / np.maximum(rows.time[:, 2:] - rows.time[:, :-2], 1e-9)
+    whole = (rows.weight[:, 2:] > 0.0) & (rows.weight[:, :-2] > 0.0)
+    ahead[:, 1:-1] *= whole
+    return ahead
+
+
+def _scores(vehicle: Array, mirror: bool) -> list[tuple[str, float]]:
+    """Candidates for the axes with the right vertical, the best first; the cosine of their yaw each."""
+    up = int(np.argmax(np.abs(vehicle[2])))
+    level = [axis for axis in range(3) if axis != up]
+    found = []
+    for ahead in level:
+        for sign in (1.0, -1.0):
+            forward, down = np.zeros(3), np.zeros(3)
+            forward[ahead], down[up] = sign, np.sign(vehicle[2, up])
+            right = np.cross(down, forward) * (-1.0 if mirror else 1.0)
+            matrix = np.stack([forward, right, down])
+            letters = "".join(LETTERS[row][int(matrix[row, axis] > 0.0)]
+                              for axis in range(3) for row in range(3) if matrix[row, axis])  # fmt: skip
+            found.append((letters, float(forward @ vehicle[0])))
+    return sorted(found, key=lambda one: -one[1])
+
+
+def _yaw(vehicle: Array, axes: str) -> float:
+    """Angle of the best candidate from the course [rad], in the plane of the two level axes."""
+    level = np.flatnonzero([letter in "FBRL" for letter in axes])
+    ahead = max(level, key=lambda axis: axes[axis] in "FB")
+    side = next(axis for axis in level if axis != ahead)
+    return float(np.arctan2(vehicle[0, side], abs(vehicle[0, ahead])))

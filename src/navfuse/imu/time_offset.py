@@ -1,10 +1,43 @@
-"""How far the clock of the inertial log is from that of GNSS, found before any filter runs."""
+"""How far the clock of the inertial log is from that of GNSS, found before any filter runs.
+
+Accelerations tell it (:mod:`navfuse.imu.level_match`): they arrive at antenna and sensor together, whatever the
+mounting. Where gyroscopes and accelerometers do not go together, so that nothing can be levelled, speed and turns of the
+course are compared with accelerations along and across (:mod:`navfuse.imu.axes_reading`); that is less certain,
+because a course leads the heading, or lags behind it, by the distance of the antenna from the axle that does not slip,
+over the speed.
+
+The offset is told only where one shift stands out. What repeats itself fits at several, what stands at all of them.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from navfuse.data.logs import GnssLog, ImuLog
+from navfuse.imu.axes_reading import (
+    LEAST_CORRELATION,
+    SURE_CORRELATION,
+    Compared,
+    compare,
+    compare_along_track,
+)
+from navfuse.imu.level_match import LAG_STEP_S, Scan, refine
+from navfuse.imu.seen_motion import coarse_increments, has_velocity, stretches, usable_gnss
+
+SHORTEST_S = 15.0
+"""Least length of what both logs cover at every shift."""
+STANDS_OUT = 25.0
+"""Least -2 log likelihood, correlation of the errors allowed for, that a shift gains on no relation, and on a rival."""
+MODULUS = (0.6, 1.6)
+"""Where the ratio of accelerations has to be."""
+LEAST_TRUSTED = 0.8
+"""Correlation below which the comparison along the track is tried as well."""
+APART = 3.5
+"""Standard deviations between offsets from positions and from velocities that are told."""
+SLIP_M = 1.0
+"""Antenna from the point of the vehicle that moves along its axis, as far as it is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +58,7 @@ class TimeOffset:
     reason : str or None
         Why nothing can be said; None where `offset` is given.
     notes : tuple of str
-        What looks odd, such as turns that tell another offset than accelerations.
+        What looks odd, such as velocities that tell another offset than positions.
     """
 
     offset: float | None
@@ -52,4 +85,116 @@ def estimate_time_offset(imu: ImuLog, gnss: GnssLog, *, search_s: float = 5.0) -
     -------
     TimeOffset
     """
-    return TimeOffset(None, None, 0.0, 0.0, "", "not estimated")
+    increments, holes = coarse_increments(imu)
+    gnss = usable_gnss(gnss)
+    common = _common(increments.time, gnss.time)
+    if common < SHORTEST_S + 2.0 * search_s:
+        return _nothing(
+            f"both logs together cover {max(common, 0.0):.0f} s; {SHORTEST_S + 2.0 * search_s:.0f} s are needed to"
+            f" search {search_s:g} s either way"
+            if common > 0.0
+            else "the logs do not overlap in time"
+        )
+    lags = LAG_STEP_S * np.arange(-round(search_s / LAG_STEP_S), round(search_s / LAG_STEP_S) + 1)
+    first, last = increments.time[0] + search_s, increments.time[-1] - search_s
+    reading, told = None, []
+    for positions in _kinds(gnss):
+        rows = stretches(gnss, first, last, holes, positions, search_s)
+        if not rows.time.shape[0]:
+            continue
+        found = compare(increments, holes, rows, lags, reading)
+        one = _judged(found, positions)
+        if one.offset is None or found.correlation < LEAST_TRUSTED:
+            track = _judged(compare_along_track(increments, holes, rows, lags), positions)
+            one = track if track.offset is not None and track.correlation > found.correlation else one
+        told.append((positions, one))
+        reading = found.reading if found.correlation >= SURE_CORRELATION else None
+    if not told:
+        return _nothing("there is no stretch with enough fixes and without holes in the inertial data")
+    return _chosen(dict(told))
+
+
+def _kinds(gnss: GnssLog) -> tuple[bool, ...]:
+    return (False, True) if has_velocity(gnss) else (True,)
+
+
+def _common(a: Array, b: Array) -> float:
+    return float(min(a[-1], b[-1]) - max(a[0], b[0])) if a.size > 1 and b.size > 1 else 0.0
+
+
+def _rival(scanned: Scan) -> float:
+    """Deviance of the next best shift that is not on the slope of the best."""
+    values = scanned.deviance
+    k = int(np.argmin(values))
+    padded = np.concatenate([[np.inf], values, [np.inf]])
+    lowest = (values <= padded[:-2]) & (values <= padded[2:])
+    lowest[max(0, k - 2) : k + 3] = False
+    return float(values[lowest].min()) if lowest.any() else 0.0
+
+
+def _nothing(reason: str) -> TimeOffset:
+    return TimeOffset(None, None, 0.0, 0.0, "", reason)
+
+
+def _judged(found: Compared, positions: bool) -> TimeOffset:
+    """What one comparison says, or why it says nothing."""
+    source = "positions" if positions else "velocities"
+    along = found.reading.sense == 0.0
+    used = f"acceleration along and across the track, from {source}" if along else f"acceleration, from {source}"
+    k = found.best
+    fit = refine(found.match, float(found.scan.lags[k]))
+    lowest = _rival(found.scan)
+    values = found.scan.deviance / fit.inflation
+    at = int(np.argmin(np.abs(found.scan.deviance - lowest)))
+    rival = float(found.scan.correlation[at]) if lowest < 0.0 else 0.0
+    reason = None
+    in_scale = MODULUS[0] < fit.modulus < MODULUS[1]
+    noisy = found.correlation < (LEAST_CORRELATION if in_scale else SURE_CORRELATION)
+    if -values[k] < STANDS_OUT or noisy:
+        reason = (
+            "accelerations do not stand out of the noise at any shift (correlation"
+            f" {found.correlation:.2f}): it stands, moves evenly, or the axes do not go together"
+        )
+    elif k in (0, values.size - 1):
+        reason = f"the logs agree best at the end of the search, {found.scan.lags[k]:+.1f} s; search further"
+    elif lowest / fit.inflation - values[k] < STANDS_OUT:
+        reason = f"the motion repeats itself: it fits as well at {found.scan.lags[at]:+.1f} s"
+    elif not in_scale:
+        reason = f"accelerations of GNSS are {fit.modulus:.2f} times those of the inertial sensor"
+    sd = float(np.hypot(fit.sd, SLIP_M / _usual_speed(found))) if along else fit.sd
+    told = (None, None) if reason else (fit.offset, sd)
+    return TimeOffset(*told, found.correlation, rival, used, reason, _oddities(found) if reason is None else ())
+
+
+def _usual_speed(found: Compared) -> float:
+    """Of a comparison along the track [m/s], root mean square; at least 1."""
+    rows = found.match.rows
+    return max(1.0, float(np.sqrt(np.mean(rows.seen.real[rows.weight > 0.0] ** 2))))
+
+
+def _oddities(found: Compared) -> tuple[str, ...]:
+    notes = []
+    if found.reading.sense < 0.0:
+        notes.append("the logs agree only if the gyroscopes are taken as reversed")
+    if found.reading.mirrored:
+        notes.append("the logs agree only if the accelerometers are taken as left-handed, or all reversed")
+    return tuple(notes)
+
+
+def _chosen(told: dict[bool, TimeOffset]) -> TimeOffset:
+    """The more certain of the offsets from positions and from velocities; positions if they contradict each other."""
+    good = {kind: one for kind, one in told.items() if one.offset is not None}
+    if not good:
+        return max(told.values(), key=lambda one: one.correlation)
+    best = min(good.values(), key=lambda one: one.sd)
+    if len(good) < 2:
+        return best
+    apart = good[False].offset - good[True].offset
+    if abs(apart) < APART * np.hypot(good[True].sd, good[False].sd):
+        return best
+    best = good[True] if good[True].sd < 3.0 * good[False].sd else best
+    note = (
+        f"by positions {good[True].offset:+.3f} s is to be added to the inertial stamps, by velocities"
+        f" {good[False].offset:+.3f} s: the velocities look {abs(apart):.3f} s {'late' if apart > 0.0 else 'early'}"
+    )
+    return replace(best, sd=float(np.hypot(best.sd, 0.5 * apart)), notes=(*best.notes, note))
