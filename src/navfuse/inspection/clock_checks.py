@@ -94,7 +94,9 @@ def _difference(imu: tuple[float, float], gnss: tuple[float, float]) -> tuple[st
     if 0.5 <= abs(hours) <= 14.0 and meets(3600.0 * hours):
         return f"the clocks are {abs(hours):g} hours apart, as time zones are", 3600.0 * hours
     if abs((imu[1] - imu[0]) - (gnss[1] - gnss[0])) < 0.1 * shorter + 5.0:
-        return "the logs are about equally long, and this makes them begin together; a guess", float(gnss[0] - imu[0])
+        return "the logs are about equally long, and this makes them begin together; a guess", round(
+            gnss[0] - imu[0], 3
+        )
     return "", 0.0
 
 
@@ -143,5 +145,5 @@ def _told(total: float, sd: float, used: str, far: float, declared: Declared) ->
     value = round(declared.imu_time_offset + total, 3)
     if abs(abs(total) - LEAP) < 0.5:
         text += "; GPS time and UTC are 18 s apart: one of the logs is in UTC"
-    return Finding("time offset", Verdict.LOOK, text, f"set imu.time_offset_s = {value:g}",
+    return Finding("time offset", Verdict.LOOK, text, f"set imu.time_offset_s = {value!r}",
                    {"imu.time_offset_s": value}, figures)  # fmt: skip

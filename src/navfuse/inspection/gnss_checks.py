@@ -15,7 +15,7 @@ from navfuse.inspection.time_checks import Stamps, check_stamps
 from navfuse.io.columns import Field
 from navfuse.io.gnss_plausibility import check_position_units, check_velocity_units
 from navfuse.io.gnss_rows import DEFAULT_SD_POSITION, NO_FIX, GnssNames, GnssRows, check_range
-from navfuse.io.gnss_table import FIX, N_SATELLITES, SD_POSITION, SD_VELOCITY, VELOCITY
+from navfuse.io.gnss_table import N_SATELLITES, SD_POSITION, SD_VELOCITY, VELOCITY
 from navfuse.io.rtklib_pos import rtklib_rows
 from navfuse.io.tables import Where
 from navfuse.io.units import UNITS, scaled
@@ -25,8 +25,11 @@ Array = np.ndarray
 _RADIUS = 6371e3
 WINDOW = 8
 FEWEST_WINDOWS = 4
-TOO_LARGE, TOO_SMALL = 50.0, 1.0 / 8.0
-"""Stated standard deviation over scatter from row to row, beyond which it is told."""
+TOO_LARGE, FAR_TOO_LARGE, TOO_SMALL = 40.0, 150.0, 1.0 / 8.0
+COARSE_M = 20.0
+"""Stated standard deviation over scatter from row to row, beyond which it is told. Receivers smooth: their errors are
+much alike from row to row, so that a ratio above TOO_LARGE counts only with more than COARSE_M stated.
+"""
 BY_KIND = 20.0
 """Stated standard deviation against what is usual for the kind of fix."""
 OUTLIER_M, OUTLIER_TIMES = 30.0, 15.0
@@ -113,8 +116,20 @@ def read_raw_gnss(found: Recognised, epoch: tuple[int, float] | None = None) -> 
 
 
 def _at_stamps(rows: GnssRows, names: GnssNames, where: Where) -> RawGnss:
-    stamps = check_stamps(rows.time, names.time, "gnss")
+    stamps = check_stamps(rows.time, names.time, "gnss", _pace(rows))
     return RawGnss(replace(rows.take(stamps.rows), time=stamps.time), names, stamps, where)
+
+
+def _pace(rows: GnssRows) -> float:
+    """How fast the fixes move by their stamps [m/s], the ninetieth percentile; NaN if they stay within 100 m."""
+    rows = rows.take(np.isfinite(rows.time) & np.isfinite(rows.lat) & np.isfinite(rows.lon))
+    if rows.time.size < 10:
+        return np.nan
+    north, east = _metres(rows)
+    span = np.diff(rows.time)
+    moved = np.hypot(np.diff(north), np.diff(east))[span > 0.0]
+    far = np.percentile(np.hypot(north - np.median(north), east - np.median(east)), 90.0)
+    return float(np.percentile(moved / span[span > 0.0], 90.0)) if moved.size and far > 100.0 else np.nan
 
 
 def check_gnss(raw: RawGnss, source: str) -> GnssReport:
@@ -266,8 +281,9 @@ def _velocity(rows: GnssRows, names: GnssNames, source: str) -> Finding:
     if notes:
         return Finding("velocity", Verdict.LOOK, "; ".join(without_source(note, source) for note in notes),
                        "check units and signs of these columns")  # fmt: skip
-    text = f"up to {speed.max():.4g} m/s, as the positions move"
-    return Finding("velocity", Verdict.OK, text, figures={"fastest_mps": float(speed.max())})
+    fast = float(np.percentile(speed, 99.0))
+    text = f"1 row in 100 is faster than {fast:.4g} m/s, as the positions move"
+    return Finding("velocity", Verdict.OK, text, figures={"fastest_mps": fast})
 
 
 def check_sigmas(log: GnssLog, stated: Array | None, names: tuple[str, ...]) -> list[Finding]:
@@ -302,24 +318,24 @@ def check_sigmas(log: GnssLog, stated: Array | None, names: tuple[str, ...]) -> 
                 figures={"rows": float(flawed)},
             )
         ]
-    sd = float(np.nanmedian(np.hypot(stated[:, 0], stated[:, 1])) / np.sqrt(2.0))
+    kind, rows = _usual_kind(log)
+    sd = float(np.nanmedian(np.hypot(stated[rows, 0], stated[rows, 1])) / np.sqrt(2.0))
     scatter = local_scatter(log)
-    kind = _usual_kind(log)
     figures = {"stated_m": sd}
     said = f"stated {sd:.3g} m (median, per horizontal axis)"
     if kind:
         usual = DEFAULT_SD_POSITION[kind][0]
         if not usual / BY_KIND <= sd <= usual * BY_KIND:
             size = "large" if sd > usual else "small"
-            return [_sigma_finding(f"{said} for fixes called {kind}, which reach {usual:g} m as a rule", size, sd / usual,
-                                   figures)]  # fmt: skip
+            text = f"{said} for fixes called {kind}, which reach {usual:g} m as a rule"
+            return [_sigma_finding(text, size, sd / usual, figures)]
     if scatter is None:
-        return [Finding("position sigmas", Verdict.UNKNOWN, f"{said}; too few fixes in a row to see their scatter",
-                        figures=figures)]  # fmt: skip
+        message = f"{said}; too few fixes in a row to see their scatter"
+        return [Finding("position sigmas", Verdict.UNKNOWN, message, figures=figures)]
     ratio = sd / max(scatter, 1e-6)
     figures |= {"scatter_m": scatter, "ratio": ratio}
     text = f"{said}; from row to row the fixes scatter by {scatter:.3g} m about a smooth path where it is calmest"
-    if ratio > TOO_LARGE:
+    if not kind and (ratio > FAR_TOO_LARGE or (ratio > TOO_LARGE and sd > COARSE_M)):
         return [_sigma_finding(text, "large", ratio, figures)]
     if ratio < TOO_SMALL and scatter > 0.005:
         return [_sigma_finding(text, "small", ratio, figures)]
@@ -339,13 +355,15 @@ def _sigma_finding(text: str, size: str, ratio: float, figures: Mapping[str, flo
     )
 
 
-def _usual_kind(log: GnssLog) -> str:
-    """The kind of most fixes if it is one with a usual accuracy, "" otherwise."""
+def _usual_kind(log: GnssLog) -> tuple[str, Array]:
+    """The kind of most fixes if it is one with a usual accuracy, and which rows are of it; "" and all otherwise."""
+    every = np.ones(log.time.size, dtype=bool)
     if log.fix is None:
-        return ""
-    names, counts = np.unique(np.char.lower(log.fix.astype(str)), return_counts=True)
+        return "", every
+    kinds = np.char.lower(log.fix.astype(str))
+    names, counts = np.unique(kinds, return_counts=True)
     name = str(names[int(np.argmax(counts))])
-    return name if name in DEFAULT_SD_POSITION else ""
+    return (name, kinds == name) if name in DEFAULT_SD_POSITION and name else ("", every)
 
 
 def local_scatter(log: GnssLog) -> float | None:

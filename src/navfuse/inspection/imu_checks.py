@@ -145,7 +145,20 @@ def check_imu(raw: RawImu, source: str, units: Mapping[str, str]) -> ImuReport:
     gyro_factor, finding = _gyro_unit(time, gyro, accel * accel_factor, kind, raw.names, source, units)
     found.append(finding)
     log = ImuLog(time, gyro * gyro_factor, accel * accel_factor, kind, source)
-    return ImuReport(tuple(found), log, {})
+    return ImuReport(tuple(found), log, _suffixes(raw.kind, kind, gyro_factor, accel_factor))
+
+
+def _suffixes(said: Kind, kind: Kind, gyro_factor: float, accel_factor: float) -> dict[str, str]:
+    """Base name -> unit that the values speak for, for columns whose names carry none."""
+    if said != kind:
+        return {}
+    gyro = "degps" if gyro_factor != 1.0 else "radps"
+    accel = next(
+        (unit for unit, size in UNITS["acceleration"].items() if abs(size / accel_factor - 1.0) < 1e-9), "mps2"
+    )
+    if kind == "increments":
+        return {f"dtheta_{axis}": "deg" if gyro_factor != 1.0 else "rad" for axis in "xyz"}
+    return {f"{base}_{axis}": unit for base, unit in (("gyro", gyro), ("accel", accel)) for axis in "xyz"}
 
 
 def _missing_values(raw: RawImu) -> list[Finding]:
@@ -354,7 +367,7 @@ def _accel_unit(
         notes = tried(kind, 1.0)
     except InputError as error:
         message = without_source(str(error), source)
-        new_kind, factor, words = _alternative(kind, size)
+        new_kind, factor, _ = _alternative(kind, size)
         fault, _, remedy = message.partition("; these ")
         remedy = remedy.partition(": ")[2] or f"check the unit of {names[4]}"
         what = f"; these {message.partition('; these ')[2].partition(': ')[0]}" if "; these " in message else ""
@@ -387,8 +400,9 @@ def _alternative(kind: Kind, size) -> tuple[Kind, float, str]:
     """The first kind and unit with which the median specific force is within a tenth of g; none: as it was."""
     other: Kind = "increments" if kind == "rates" else "rates"
     trials: list[tuple[Kind, float, str]] = [(other, 1.0, f"{other} in m/s" + ("^2" if other == "rates" else ""))]
-    trials += [(kind, factor, words) for words, factor in _ACCEL_WORDS.items()]
-    trials += [(other, factor, f"{other} of {words}") for words, factor in (("g", _G),)]
+    for words, factor in _ACCEL_WORDS.items():
+        trials.append((kind, factor, words))
+    trials.append((other, _G, f"{other} in g"))
     for one, factor, words in trials:
         if abs(size(one, factor) / _G - 1.0) < 0.15:
             return one, factor, words

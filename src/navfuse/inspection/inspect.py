@@ -19,12 +19,12 @@ from navfuse.inspection.findings import FileReport, Finding, Inspection, Verdict
 from navfuse.inspection.gnss_checks import check_gnss, read_raw_gnss
 from navfuse.inspection.imu_checks import check_imu, read_raw_imu
 from navfuse.inspection.pair_checks import check_imu_axes, check_pair, check_speed, check_truth
-from navfuse.inspection.recognise import GNSS, IMU, Recognised, part_columns, recognise, without_source
+from navfuse.inspection.recognise import GNSS, TRUTH, Recognised, part_columns, recognise, without_source
 from navfuse.inspection.rest import check_rest
 from navfuse.inspection.time_checks import check_stamps
 from navfuse.io import aiding_tables
 from navfuse.io.gnss_table import read_gnss
-from navfuse.io.imu_table import read_imu
+from navfuse.io.imu_table import INCREMENTS, RATES, TIME, read_imu
 from navfuse.io.raw_gnss_table import read_raw_gnss as read_pseudoranges
 from navfuse.io.static_record import StaticRecord, read_static
 from navfuse.io.trajectory_table import read_trajectory
@@ -42,7 +42,6 @@ _AIDING: dict[str, Callable[..., Any]] = {
     "anchors": aiding_tables.read_uwb_anchors,
     "raw gnss": read_pseudoranges,
 }
-_SAID = {"odometer": "odometer speed"}
 
 
 @dataclass(slots=True)
@@ -91,8 +90,8 @@ def inspect(
 def _inspect_file(path: Path, declared: Declared, logs: _Logs, at: int) -> list[FileReport]:
     found = recognise(path)
     if found.fault:
-        verdict = Verdict.UNKNOWN if found.fault.startswith("this is ") else Verdict.WRONG
-        remedy = "convert it first" if verdict is Verdict.UNKNOWN else ""
+        verdict = Verdict.UNKNOWN if found.fault.startswith(("this is ", "cannot tell the format")) else Verdict.WRONG
+        remedy = "convert it into a native table first" if verdict is Verdict.UNKNOWN else ""
         return [FileReport(str(path), "unknown", found.format, "", (Finding("file", verdict, found.fault, remedy),))]
     if found.role == "nineteen columns":
         parts = [
@@ -129,7 +128,8 @@ def _imu(found: Recognised, declared: Declared, logs: _Logs, at: int) -> tuple[l
     raw = read_raw_imu(found)
     units = {base: column.unit for base, column in found.columns.items()}
     report = check_imu(raw, source, units)
-    findings = [*report.findings, *_names(found, IMU, report.units)]
+    wanted = (TIME, *(RATES if raw.kind == "rates" else INCREMENTS))
+    findings = [*report.findings, *_names(found, wanted, report.units)]
     if report.log is not None and logs.imu is None:
         logs.imu = (at, report.log)
     findings += _read(lambda: read_imu(source, axes="FRD", time_offset_s=0.0), source, findings)
@@ -152,7 +152,7 @@ def _truth(found: Recognised, logs: _Logs) -> tuple[list[Finding], str]:
     kept: list[Trajectory] = []
     findings = _read(lambda: kept.append(read_trajectory(source)), source, [])
     if not kept:
-        return findings, ""
+        return _names(found, TRUTH, {}) or findings, ""
     truth = kept[0]
     logs.truth = logs.truth or truth
     stamps = check_stamps(truth.time, "time", "truth")
@@ -166,9 +166,8 @@ def _aiding(found: Recognised, role: str, logs: _Logs) -> tuple[list[Finding], s
     source = str(found.path)
     kept: list[Any] = []
     findings = _read(lambda: kept.append(_AIDING[role](source)), source, [])
-    renames = _names(found, tuple(), {})
     if not kept:
-        return [*findings, *renames], ""
+        return findings, ""
     if role == "odometer":
         logs.odometer = logs.odometer or kept[0]
     time = getattr(kept[0], "time", None)
@@ -238,19 +237,22 @@ def _names(found: Recognised, wanted: Sequence[Any], units: dict[str, str]) -> l
 def _read(reader: Callable[[], object], source: str, findings: Sequence[Finding]) -> list[Finding]:
     """What the reader of a run says to the file, as far as nobody else said it."""
     told = " ".join(one.message for one in findings)
+    named = any(one.check == "column names" for one in findings)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
             reader()
         except NavfuseError as error:
             text = without_source(str(error), source)
-            if text[:50] in told:
+            if named or text[:50] in told:
                 return []
             return [Finding("reader", Verdict.WRONG, f"navfuse refuses the file: {text}")]
     notes = [without_source(str(one.message), source) for one in caught]
     found = []
     for note in dict.fromkeys(notes):
         if note[:50] in told or note.rpartition(": ")[2][:50] in told:
+            continue
+        if note.startswith("the IMU rows are") and "slow for an inertial log" in told:
             continue
         harmless = note.startswith("ignored columns") or ": assumed " in note
         found.append(Finding("reader", Verdict.OK if harmless else Verdict.LOOK, note))

@@ -145,7 +145,7 @@ def recognise(path: Path) -> Recognised:
         role, columns = _role(table.names, generous, path)
         if role != "unknown":
             return Recognised(path, kind, role, table, columns)
-    fault = "no columns of a sensor were recognised; the first are " + ", ".join(
+    fault = "this is a table in which no columns of a sensor were recognised; the first are " + ", ".join(
         f"'{name}'" for name in table.names[:8]
     )
     return Recognised(path, kind, "unknown", table, {}, fault)
@@ -184,8 +184,6 @@ def find(names: Sequence[str], wanted: Sequence[Field], generous: bool) -> dict[
 def _native(name: str, wanted: Field) -> Column | None:
     if wanted.quantity is None:
         return Column(name, "", True) if name == wanted.base else None
-    if name == wanted.base:
-        return Column(name, "", False)
     unit = name[len(wanted.base) + 1 :]
     if name.startswith(wanted.base + "_") and unit in UNITS[wanted.quantity]:
         return Column(name, unit, True)
@@ -194,7 +192,11 @@ def _native(name: str, wanted: Field) -> Column | None:
 
 def _resembling(name: str, wanted: Field) -> Column | None:
     """A column of another program's table: its quantity in other words, its unit in brackets or behind."""
-    if wanted.quantity is None or wanted.base not in _ALIKE:
+    if wanted.quantity is None:
+        return None
+    if name == wanted.base:
+        return Column(name, "", False)
+    if wanted.base not in _ALIKE:
         return None
     bare, unit = _without_unit(name)
     known = unit if unit in UNITS[wanted.quantity] else ""

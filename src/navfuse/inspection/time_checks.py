@@ -18,6 +18,10 @@ USUAL_RATES = {"imu": (10.0, 1e4), "gnss": (0.02, 100.0)}
 """Rates [Hz] that nobody wonders about."""
 MISSING = 1.5
 """Steps, in usual ones, from which on rows are missing."""
+SLOWEST, FASTEST = 0.2, 350.0
+"""Speeds [m/s] of a log that moves, beyond which its stamps are in another unit."""
+LONGEST_S = 600.0
+"""Steps between fixes [s] that nobody chooses."""
 GPS_UNIX = 315964800.0
 """GPS epoch in seconds of Unix time."""
 _WRAPS = {
@@ -53,7 +57,7 @@ class Stamps:
     findings: tuple[Finding, ...]
 
 
-def check_stamps(time: Array, column: str, role: str) -> Stamps:
+def check_stamps(time: Array, column: str, role: str, pace: float = np.nan) -> Stamps:
     """Look at the stamps of a log.
 
     Parameters
@@ -64,6 +68,8 @@ def check_stamps(time: Array, column: str, role: str) -> Stamps:
         Its name.
     role : str
         "imu", or anything else: rates are judged only where much is known.
+    pace : float [m/s]
+        How fast the fixes move by these stamps; NaN where they hardly move, or for other sensors.
     """
     rows = np.flatnonzero(np.isfinite(time))
     found: list[Finding] = []
@@ -77,7 +83,7 @@ def check_stamps(time: Array, column: str, role: str) -> Stamps:
             Finding("rows", Verdict.WRONG, f"{time.size} row with a stamp; a log needs two at least", "export it again")
         )
         return Stamps(time, rows, 1.0, np.nan, tuple(found))
-    factor = _unit(time, column, role, found)
+    factor = _unit(time, column, role, pace, found)
     time = time * factor
     time = _without_jumps(time, column, found)
     time, rows = _in_order(time, rows, column, found)
@@ -95,7 +101,7 @@ def _stamp(verdict: Verdict, message: str, remedy: str = "correct or remove thes
     return Finding("stamps", verdict, message, remedy)
 
 
-def _unit(time: Array, column: str, role: str, found: list[Finding]) -> float:
+def _unit(time: Array, column: str, role: str, pace: float, found: list[Finding]) -> float:
     """Factor that makes the rate one of such a sensor; 1 if it is, or if no unit does."""
     forward = np.diff(time)
     forward = np.abs(forward[forward != 0.0])
@@ -103,16 +109,19 @@ def _unit(time: Array, column: str, role: str, found: list[Finding]) -> float:
         return 1.0
     step = float(np.median(forward))
     least, most = USUAL_RATES["imu" if role == "imu" else "gnss"]
-    slow, fast = (2.0, 1e-5) if role == "imu" else (20.0, 2e-4)
+    slow, fast = (2.0, 1e-5) if role == "imu" else (20.0, 2e-3)
     if fast <= step <= slow:
+        return 1.0
+    if step > slow and role != "imu" and not pace < SLOWEST and step < LONGEST_S:
         return 1.0
     said = column.rsplit("_", 1)[-1] if column.rsplit("_", 1)[-1] in _WORDS else "s"
     by_said = FACTORS.get(said, 1.0)
     for unit, size in {"s": 1.0, **FACTORS}.items():
         factor = size / by_said
-        if factor != 1.0 and least <= 1.0 / (step * factor) <= most and _plausible_length(time, factor, role):
+        if factor != 1.0 and least <= 1.0 / (step * factor) <= most and not pace / factor > FASTEST:
             name = f"time_{unit}"
-            verdict = Verdict.WRONG if role == "imu" or step > 150.0 or step < fast else Verdict.LOOK
+            sure = role == "imu" or step < fast or pace / factor > 1.0
+            verdict = Verdict.WRONG if sure else Verdict.LOOK
             found.append(
                 Finding(
                     "time unit",
@@ -134,11 +143,6 @@ def _unit(time: Array, column: str, role: str, found: list[Finding]) -> float:
         )
     )
     return 1.0
-
-
-def _plausible_length(time: Array, factor: float, role: str) -> bool:
-    """A log of ten fixes a minute apart is a log of ten fixes; only many rows speak for another unit."""
-    return role == "imu" or time.size >= 20 or factor > 1.0
 
 
 def _without_jumps(time: Array, column: str, found: list[Finding]) -> Array:
