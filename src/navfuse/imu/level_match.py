@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from navfuse.imu.level_kernels import correlate, read_rows
 from navfuse.imu.seen_motion import Array, ChainedMotion, Stretches, error_integrals
 
 LAG_STEP_S = 0.1
@@ -112,20 +113,26 @@ def prepare(motion: ChainedMotion, rows: Stretches) -> Match:
     return Match(motion, rows, basis, nuisance)
 
 
-def scan(match: Match, lags: Array) -> Scan:
-    """Compare at every shift. `lags` are offsets to be added to the inertial stamps."""
+def scan(match: Match, lags: Array) -> tuple[Scan, Scan]:
+    """Compare at every shift, as the axes are and mirrored. `lags` are offsets to be added to the inertial stamps."""
     seen = _detrended(match, match.rows.seen)
     total = _power(seen)
     freedom = match.freedom
     floor = FLOOR * total + 1e-12
-    deviance, explained = np.zeros(lags.size), np.zeros(lags.size)
-    for k, lag in enumerate(lags):
-        A = _detrended(match, _signal(match, lag))
-        part = np.abs(np.sum(A.conj() * seen, axis=1)) ** 2 / np.maximum(_power(A), 1e-12)
-        rest = np.maximum(total - part, 0.0) + floor
-        deviance[k] = freedom @ np.log(rest / (total + floor))
-        explained[k] = part.sum()
-    return Scan(lags, deviance, np.sqrt(np.clip(explained / max(total.sum(), 1e-12), 0.0, 1.0)))
+    rows = match.rows
+    shape = (lags.size, rows.time.shape[0])
+    power, products = np.empty(shape), np.empty((2, *shape), complex)
+    correlate(
+        match.motion.time, _integral(match), match.basis, rows.time, rows.weight, match.nuisance, seen, lags, power,
+        products[0], products[1],
+    )  # fmt: skip
+    parts = np.abs(products) ** 2 / np.maximum(power, 1e-12)
+    rest = np.maximum(total - parts, 0.0) + floor
+    deviance = np.log(rest / (total + floor)) @ freedom
+    explained = parts.sum(axis=2)
+    correlation = np.sqrt(np.clip(explained / max(total.sum(), 1e-12), 0.0, 1.0))
+    plain, mirrored = (Scan(lags, deviance[way], correlation[way]) for way in (0, 1))
+    return plain, mirrored
 
 
 def refine(match: Match, offset: float) -> Fit:
@@ -138,7 +145,7 @@ def refine(match: Match, offset: float) -> Fit:
     for _ in range(ITERATIONS):
         added = _additions(match, errors, offset)
         A = _detrended(match, _signal(match, offset)) + np.einsum("j,jwm->wm", extra, added)
-        late, early = (_signal(match, offset + h) for h in (SLOPE_S, -SLOPE_S))
+        late, early = (_at_antenna(match, offset + h, extra[:3]) for h in (SLOPE_S, -SLOPE_S))
         slope = _detrended(match, (late - early) / (2.0 * SLOPE_S))
         power = np.maximum(_power(A), 1e-12)
         z = np.sum(A.conj() * seen, axis=1) / power
@@ -153,7 +160,7 @@ def refine(match: Match, offset: float) -> Fit:
         step = np.linalg.solve(gram + np.diag(prior + 1e-12), pull)
         offset = float(np.clip(offset + step[0], begun - FURTHEST_S, begun + FURTHEST_S))
         extra = extra + step[1:]
-        if abs(step[0]) < 1e-4:
+        if abs(step[0]) < 1e-4 and np.max(np.abs(step[1:4])) < 1e-2:
             break
     inverse = np.linalg.inv(gram + np.diag(prior + 1e-12))
     long_run = _long_run(np.real(X.conj() * e[:, :, None]), match.rows)
@@ -185,9 +192,17 @@ def stretch_phases(match: Match, offset: float) -> tuple[Array, Array]:
     return np.exp(1j * np.angle(product)), known
 
 
+def _integral(match: Match) -> Array:
+    return match.motion.place_l if match.rows.positions else match.motion.velocity_l
+
+
 def _signal(match: Match, lag: float) -> Array:
-    integral = match.motion.place_l if match.rows.positions else match.motion.velocity_l
-    return _horizontal(match, integral, lag)
+    return _horizontal(match, _integral(match), lag)
+
+
+def _at_antenna(match: Match, lag: float, lever: Array) -> Array:
+    arms = match.motion.axes_l if match.rows.positions else match.motion.swing_l
+    return _horizontal(match, _integral(match) + np.einsum("j,jnk->nk", lever, arms), lag)
 
 
 def _additions(match: Match, errors: tuple[Array, Array, Array], lag: float) -> Array:
@@ -196,7 +211,7 @@ def _additions(match: Match, errors: tuple[Array, Array, Array], lag: float) -> 
     turned, by_gyro, by_accel = errors
     middle = 0.5 * (match.rows.time[:, 0] + match.rows.time[:, -1]) - lag
     at = match.rows.time - lag
-    integral = _read(motion.time, motion.place_l if positions else motion.velocity_l, at)
+    integral = _read(motion.time, _integral(match), at)
     levers = [_horizontal(match, axis, lag) for axis in (motion.axes_l if positions else motion.swing_l)]
     gyros = []
     for turn, added in zip(turned, by_gyro, strict=True):
@@ -217,7 +232,9 @@ def _level(match: Match, read: Array) -> Array:
 
 
 def _read(time: Array, values: Array, at: Array) -> Array:
-    return np.stack([np.interp(at, time, column) for column in values.T], axis=-1)
+    out = np.empty((at.size, 3))
+    read_rows(time, np.ascontiguousarray(values), at.ravel(), out)
+    return out.reshape(*at.shape, 3)
 
 
 def _detrended(match: Match, values: Array) -> Array:
@@ -227,7 +244,7 @@ def _detrended(match: Match, values: Array) -> Array:
 
 
 def _power(values: Array) -> Array:
-    return np.sum(values.real**2 + values.imag**2, axis=1)
+    return np.sum(np.real(values) ** 2 + np.imag(values) ** 2, axis=1)
 
 
 def _reach(rows: Stretches) -> int:

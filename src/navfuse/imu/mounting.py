@@ -18,21 +18,21 @@ from scipy.stats import norm
 from navfuse.core.constants import STANDARD_GRAVITY
 from navfuse.core.rotation import euler_from_dcm
 from navfuse.data.logs import GnssLog, ImuLog
-from navfuse.imu.axes_reading import LEAST_CORRELATION, Compared, compare, compare_along_track
+from navfuse.imu.axes_reading import LEAST_CORRELATION, TURNS_ALIKE, Compared, best_reading, vertical_axes
 from navfuse.imu.increments import ImuIncrements
 from navfuse.imu.level_match import stretch_phases
 from navfuse.imu.seen_motion import Array, coarse_increments, has_velocity, stretches, usable_gnss
-from navfuse.imu.turning import changes_of_course
 from navfuse.io.imu_table import body_from_file
 
 LEAST_SPEED = 2.0
 """Slower velocities do not tell a course."""
 LEAST_CONCENTRATION = 0.8
 """Mean resultant length of the directions of travel, below which it does not point along its course."""
-LEAST_TURNS, LEAST_TURN, TURNS_ALIKE = 20, np.radians(2.0), 0.7
 TILTED = np.radians(35.0)
 """Beyond it the nearest axis is no more the axis that points up or forward."""
 LEAST_YAW_SD = np.radians(2.0)
+REPAIRED = 0.5
+"""Factor on the confidence if the gyroscopes had to be reversed: all three, or one that is not known."""
 STANDS_OUT = 25.0
 LETTERS = (("B", "F"), ("L", "R"), ("U", "D"))
 
@@ -44,9 +44,10 @@ class FoundAxes:
     Attributes
     ----------
     axes : str or None
-        As ``imu.axes`` takes them, e.g. "BRU"; None if the log does not tell, see `reason`.
+        As ``imu.axes`` takes them, e.g. "BRU", by the accelerometers; None if the log does not tell, or no such word
+        would do, see `reason`.
     confidence : float
-        0..1.
+        0..1; 0 where there are no `axes`.
     second : str or None
         The next best candidate.
     score, second_score : float
@@ -138,11 +139,11 @@ def find_axes(imu: ImuLog, gnss: GnssLog | None, offset_s: float = 0.0) -> Found
     if gnss is None:
         return replace(found, reason="without GNSS only the vertical is known")
     gnss = usable_gnss(gnss)
-    found = _with_turns(found, increments, gnss, up, offset_s)
+    found = _with_turns(found, increments, gnss, offset_s)
     if tilt > TILTED:
         return replace(
             found,
-            reason=f"no axis is near the vertical ({np.degrees(tilt):.0f} deg off): it needs imu.rotation, not imu.axes",
+            reason=f"no axis is near the vertical, {np.degrees(tilt):.0f} deg off: it takes imu.rotation, not imu.axes",
         )
     seen = _seen(increments, holes, gnss, offset_s)
     if seen is None:
@@ -161,41 +162,27 @@ def _name(axis: int, sign: float) -> str:
     return ("-" if sign < 0.0 else "+") + "xyz"[axis]
 
 
-def _with_turns(found: FoundAxes, increments: ImuIncrements, gnss: GnssLog, up: Array, offset_s: float) -> FoundAxes:
+def _with_turns(found: FoundAxes, increments: ImuIncrements, gnss: GnssLog, offset_s: float) -> FoundAxes:
     """Add which gyroscope turns with the course, and which way."""
-    time = increments.time + offset_s
-    begin, end, course, weight = changes_of_course(gnss, time[0], time[-1])
-    if course.size < LEAST_TURNS:
+    axes = vertical_axes(increments, gnss, np.array([offset_s]))
+    if axes is None:
         return found
-    share = weight / weight.sum()
-    course = course - share @ course
-    turn = np.sqrt(share @ course**2)
-    if turn < LEAST_TURN:
-        return found
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(increments.inc_theta_b, axis=0)])
-    total = np.column_stack([total, -total @ up])
-    turned = np.stack([np.interp(end, time, x) - np.interp(begin, time, x) for x in total.T], axis=1)
-    turned -= share @ turned
-    power = np.sqrt(share @ turned**2) * turn
-    correlation = (share @ (turned * course[:, None])) / np.maximum(power, 1e-12)
-    k = int(np.argmax(np.abs(correlation[:3])))
-    if abs(correlation[k]) < TURNS_ALIKE:
-        return found
-    gyro_up = _name(k, -correlation[k])
-    sense = int(np.sign(correlation[3])) if abs(correlation[3]) > TURNS_ALIKE else None
-    notes = []
-    if found.up is not None and gyro_up[1] != found.up[1]:
-        sense = None
-        notes.append(
-            f"gyroscope {gyro_up[1]} turns with the course, but accelerometer {found.up[1]} feels gravity: gyroscopes"
-            " and accelerometers are in different order"
+    found = replace(found, gyro_up=_name(axes.gyro, -axes.gyro_down))
+    if axes.gyro != axes.force:
+        note = (
+            f"gyroscope {'xyz'[axes.gyro]} turns with the course, but accelerometer {'xyz'[axes.force]} feels gravity:"
+            " gyroscopes and accelerometers are in different order"
         )
-    elif sense == -1:
-        notes.append(
-            "the gyroscopes turn left where the course turns right: their signs, or those of the accelerometers, are"
-            " reversed"
-        )
-    return replace(found, gyro_sense=sense, gyro_up=gyro_up, notes=(*found.notes, *notes))
+        return replace(found, notes=(*found.notes, note))
+    if abs(axes.sense) < TURNS_ALIKE:
+        return found
+    if axes.sense > 0.0:
+        return replace(found, gyro_sense=1)
+    note = (
+        "the gyroscopes turn left where the course turns right: their signs, or those of the accelerometers, are"
+        " reversed"
+    )
+    return replace(found, gyro_sense=-1, notes=(*found.notes, note))
 
 
 def _seen(increments: ImuIncrements, holes: Array, gnss: GnssLog, offset_s: float) -> Compared | None:
@@ -204,26 +191,21 @@ def _seen(increments: ImuIncrements, holes: Array, gnss: GnssLog, offset_s: floa
     rows = stretches(gnss, time[0], time[-1], holes + offset_s, not has_velocity(gnss))
     if not rows.time.shape[0]:
         return None
-    at = np.array([offset_s])
-    seen = compare(increments, holes, rows, at)
-    if seen.correlation < LEAST_CORRELATION or -seen.deviance < STANDS_OUT:
-        seen = compare_along_track(increments, holes, rows, at)
+    seen = best_reading(increments, holes, gnss, rows, np.array([offset_s]))
     return seen if seen.correlation > LEAST_CORRELATION and -seen.deviance > STANDS_OUT else None
 
 
 def _with_nose(found: FoundAxes, seen: Compared, up: Array, offset_s: float) -> FoundAxes:
     """Add which axis is forward, and what follows from it."""
     reading = seen.reading
-    notes = list(found.notes)
-    if reading.mirrored and found.gyro_sense == -1:
-        notes = ["the accelerometers look reversed, all three: at rest they read +9.8 along down, not up"]
-        up, mirror = -up, False
-    else:
-        mirror = reading.mirrored
     nose = _nose(seen, offset_s)
     if nose is None or nose.concentration < LEAST_CONCENTRATION:
         strays = "" if nose is None else f" (mean resultant length {nose.concentration:.2f} of 1)"
-        return replace(found, notes=tuple(notes), reason=f"it does not point along its course{strays}, or hardly moves")
+        return replace(found, reason=f"it does not point along its course{strays}, or hardly moves")
+    mirror = reading.mirrored
+    reversed_force = mirror and found.gyro_sense == -1
+    if reversed_force:
+        up, mirror, nose = -up, False, nose._replace(direction=-nose.direction)
     down = -up
     forward = nose.direction - (nose.direction @ down) * down
     forward /= np.linalg.norm(forward)
@@ -232,26 +214,34 @@ def _with_nose(found: FoundAxes, seen: Compared, up: Array, offset_s: float) -> 
     scores = _scores(vehicle, mirror)
     (axes, score), (second, second_score) = scores[:2]
     yaw = _yaw(vehicle, axes)
-    sure = norm.cdf((np.pi / 4.0 - abs(yaw)) / max(nose.sd, LEAST_YAW_SD))
+    sure = max(0.0, 2.0 * float(norm.cdf((np.pi / 4.0 - abs(yaw)) / max(nose.sd, LEAST_YAW_SD))) - 1.0)
     k = int(np.argmax(np.abs(forward)))
     found = replace(
-        found, confidence=float(np.clip(2.0 * sure - 1.0, 0.0, 1.0)) * nose.concentration, second=second,
+        found, second=second,
         score=score * nose.concentration, second_score=second_score * nose.concentration,
         up=_name(int(np.argmax(np.abs(up))), up[np.argmax(np.abs(up))]),
         forward=_name(k, forward[k]), left_handed=reading.mirrored,
     )  # fmt: skip
     if mirror:
+        reason = f"the axes are left-handed: x, y, z point {axes}; reverse one of them, for both sensors"
+        return replace(found, reason=reason)
+    if reversed_force:
+        other = _scores(np.stack([-forward, -right, down]), False)[0][0]
         reason = (
-            f"the axes are left-handed (x, y, z point {axes}): reverse the signs of one accelerometer and gyroscope"
+            "the signs of the accelerometers contradict those of the gyroscopes. If all three are reversed (+9.8 along"
+            f' what points down at rest), the axes are "{axes}" once they are put right; if only the one along the'
+            f' vertical is, "{other}"'
         )
-        return replace(found, reason=reason, notes=(*notes, reason))
+        return replace(found, reason=reason)
     if abs(yaw) > TILTED:
-        reason = f"no axis is near the course ({np.degrees(abs(yaw)):.0f} deg off): it needs imu.rotation, not imu.axes"
-        return replace(found, reason=reason, notes=tuple(notes))
+        reason = f"no axis is near the course, {np.degrees(abs(yaw)):.0f} deg off: imu.rotation is needed, not imu.axes"
+        return replace(found, reason=reason)
+    doubt = REPAIRED if reading.sense < 0.0 else 1.0
     roll, pitch, heading = euler_from_dcm(tuple((vehicle @ body_from_file(axes).T).ravel()))
     return replace(
-        found, axes=axes, reason=None, roll=float(roll), pitch=float(pitch),
-        yaw=float((heading + np.pi) % (2.0 * np.pi) - np.pi), notes=tuple(notes),
+        found, axes=axes, reason=None,
+        confidence=sure * nose.concentration * doubt, roll=float(roll), pitch=float(pitch),
+        yaw=float((heading + np.pi) % (2.0 * np.pi) - np.pi),
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from navfuse.imu.increments import ImuIncrements, to_increments
 
 Array = np.ndarray
 
-STEP_S = 0.05
+STEP_S = 0.025
 """Inertial increments are summed up to about this length; linear interpolation in between errs by millimetres/s."""
 GAP_S = 0.25
 """Intervals between inertial rows above this are holes, whatever the rate up to 20 Hz."""
@@ -126,9 +126,11 @@ def chain(increments: ImuIncrements, holes: Array, sense: float = 1.0, bias: Arr
     start = np.array([1.0, 0.0, 0.0, 0.0])
     dv = np.empty((n, 3))
     axes, swing = np.zeros((3, n + 1, 3)), np.zeros((3, n + 1, 3))
-    for i, axis in enumerate(np.eye(3)):
-        axes[i, 0] = axis
-        integrate_level(theta, v, dt, start, np.zeros(3), axis, dv, axes[i, 1:], swing[i, 1:])
+    axes[:, 0] = np.eye(3)
+    for i in (0, 1):
+        integrate_level(theta, v, dt, start, np.zeros(3), axes[i, 0], dv, axes[i, 1:], swing[i, 1:])
+    axes[2] = np.cross(axes[0], axes[1])
+    swing[2] = np.cross(swing[0], axes[1]) + np.cross(axes[0], swing[1])
     swing[:, 0] = swing[:, min(1, n)]
     velocity = np.concatenate([np.zeros((1, 3)), np.cumsum(dv, axis=0)])
     place = np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * dt[:, None] * (velocity[1:] + velocity[:-1]), axis=0)])

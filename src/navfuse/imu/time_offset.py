@@ -1,8 +1,8 @@
 """How far the clock of the inertial log is from that of GNSS, found before any filter runs.
 
 Accelerations tell it (:mod:`navfuse.imu.level_match`): they arrive at antenna and sensor together, whatever the
-mounting. Where gyroscopes and accelerometers do not go together, so that nothing can be levelled, speed and turns of the
-course are compared with accelerations along and across (:mod:`navfuse.imu.axes_reading`); that is less certain,
+mounting. Where gyroscopes and accelerometers do not go together, so that nothing can be levelled, speed and turns of
+the course are compared with accelerations along and across (:mod:`navfuse.imu.axes_reading`); that is less certain,
 because a course leads the heading, or lags behind it, by the distance of the antenna from the axle that does not slip,
 over the speed.
 
@@ -20,11 +20,11 @@ from navfuse.imu.axes_reading import (
     LEAST_CORRELATION,
     SURE_CORRELATION,
     Compared,
+    best_reading,
     compare,
-    compare_along_track,
 )
 from navfuse.imu.level_match import LAG_STEP_S, Scan, refine
-from navfuse.imu.seen_motion import coarse_increments, has_velocity, stretches, usable_gnss
+from navfuse.imu.seen_motion import Array, coarse_increments, has_velocity, stretches, usable_gnss
 
 SHORTEST_S = 15.0
 """Least length of what both logs cover at every shift."""
@@ -32,8 +32,6 @@ STANDS_OUT = 25.0
 """Least -2 log likelihood, correlation of the errors allowed for, that a shift gains on no relation, and on a rival."""
 MODULUS = (0.6, 1.6)
 """Where the ratio of accelerations has to be."""
-LEAST_TRUSTED = 0.8
-"""Correlation below which the comparison along the track is tried as well."""
 APART = 3.5
 """Standard deviations between offsets from positions and from velocities that are told."""
 SLIP_M = 1.0
@@ -102,11 +100,11 @@ def estimate_time_offset(imu: ImuLog, gnss: GnssLog, *, search_s: float = 5.0) -
         rows = stretches(gnss, first, last, holes, positions, search_s)
         if not rows.time.shape[0]:
             continue
-        found = compare(increments, holes, rows, lags, reading)
+        if reading is None:
+            found = best_reading(increments, holes, gnss, rows, lags)
+        else:
+            found = compare(increments, holes, rows, lags, (reading.sense,), reading.bias)
         one = _judged(found, positions)
-        if one.offset is None or found.correlation < LEAST_TRUSTED:
-            track = _judged(compare_along_track(increments, holes, rows, lags), positions)
-            one = track if track.offset is not None and track.correlation > found.correlation else one
         told.append((positions, one))
         reading = found.reading if found.correlation >= SURE_CORRELATION else None
     if not told:
@@ -169,7 +167,7 @@ def _judged(found: Compared, positions: bool) -> TimeOffset:
 def _usual_speed(found: Compared) -> float:
     """Of a comparison along the track [m/s], root mean square; at least 1."""
     rows = found.match.rows
-    return max(1.0, float(np.sqrt(np.mean(rows.seen.real[rows.weight > 0.0] ** 2))))
+    return max(1.0, float(np.sqrt(np.mean(np.real(rows.seen)[rows.weight > 0.0] ** 2))))
 
 
 def _oddities(found: Compared) -> tuple[str, ...]:
@@ -183,18 +181,19 @@ def _oddities(found: Compared) -> tuple[str, ...]:
 
 def _chosen(told: dict[bool, TimeOffset]) -> TimeOffset:
     """The more certain of the offsets from positions and from velocities; positions if they contradict each other."""
-    good = {kind: one for kind, one in told.items() if one.offset is not None}
+    good = {kind: (one.offset, one.sd) for kind, one in told.items() if one.offset is not None and one.sd is not None}
     if not good:
         return max(told.values(), key=lambda one: one.correlation)
-    best = min(good.values(), key=lambda one: one.sd)
+    best = told[min(good, key=lambda kind: good[kind][1])]
     if len(good) < 2:
         return best
-    apart = good[False].offset - good[True].offset
-    if abs(apart) < APART * np.hypot(good[True].sd, good[False].sd):
+    (by_positions, sd_positions), (by_velocities, sd_velocities) = good[True], good[False]
+    apart = by_velocities - by_positions
+    if abs(apart) < APART * np.hypot(sd_positions, sd_velocities):
         return best
-    best = good[True] if good[True].sd < 3.0 * good[False].sd else best
+    best = told[sd_positions < 3.0 * sd_velocities]
     note = (
-        f"by positions {good[True].offset:+.3f} s is to be added to the inertial stamps, by velocities"
-        f" {good[False].offset:+.3f} s: the velocities look {abs(apart):.3f} s {'late' if apart > 0.0 else 'early'}"
+        f"by positions {by_positions:+.3f} s is to be added to the inertial stamps, by velocities"
+        f" {by_velocities:+.3f} s: the velocities look {abs(apart):.3f} s {'late' if apart > 0.0 else 'early'}"
     )
-    return replace(best, sd=float(np.hypot(best.sd, 0.5 * apart)), notes=(*best.notes, note))
+    return replace(best, sd=float(np.hypot(good[best is told[True]][1], 0.5 * apart)), notes=(*best.notes, note))
