@@ -89,15 +89,22 @@ def exchanged_places(imu: Columns, gnss: Columns) -> None:
 def other_kind(imu: Columns, gnss: Columns) -> None:
     """Increments under the names of rates, or the other way round."""
     if "dvel_x_mps" in imu:
-        rename(imu, {f"dtheta_{a}_rad": f"gyro_{a}_radps" for a in "xyz"} | {f"dvel_{a}_mps": f"accel_{a}_mps2" for a in "xyz"})
+        rename(
+            imu,
+            {f"dtheta_{a}_rad": f"gyro_{a}_radps" for a in "xyz"} | {f"dvel_{a}_mps": f"accel_{a}_mps2" for a in "xyz"},
+        )
     else:
-        rename(imu, {f"gyro_{a}_radps": f"dtheta_{a}_rad" for a in "xyz"} | {f"accel_{a}_mps2": f"dvel_{a}_mps" for a in "xyz"})
+        rename(
+            imu,
+            {f"gyro_{a}_radps": f"dtheta_{a}_rad" for a in "xyz"} | {f"accel_{a}_mps2": f"dvel_{a}_mps" for a in "xyz"},
+        )
 
 
 def rollover(imu: Columns, gnss: Columns) -> None:
     """Seconds of the week, over the week's end."""
+    start = imu["time_s"][0] - 604700.0
     for table in (imu, gnss):
-        table["time_s"] = (table["time_s"] - imu["time_s"][0] + 604800.0 - 100.0) % 604800.0
+        table["time_s"] = (table["time_s"] - start) % 604800.0
 
 
 def week_apart(imu: Columns, gnss: Columns) -> None:

@@ -16,7 +16,7 @@ from navfuse.io.gps_time import DAY, WEEK
 LEAP = 18.0
 LEAST_TOLD_S = 0.03
 """Offsets below are of no account: no vehicle moves enough in that time."""
-SIGMAS = 4.0
+SIGMAS = 3.0
 FAR_S = 0.8
 """Beyond it, turns are believed where accelerations are not."""
 
@@ -36,7 +36,7 @@ class Overlap:
     met: bool
 
 
-def check_overlap(imu: ImuLog, gnss: GnssLog) -> Overlap:
+def check_overlap(imu: ImuLog, gnss: GnssLog, declared: Declared) -> Overlap:
     """Do the two share time; if not, which usual difference of scales brings them together?"""
     spans = (float(imu.time[0]), float(imu.time[-1])), (float(gnss.time[0]), float(gnss.time[-1]))
     shared, shorter = _shared(*spans), min(end - begin for begin, end in spans)
@@ -52,9 +52,9 @@ def check_overlap(imu: ImuLog, gnss: GnssLog) -> Overlap:
                           "are these the logs of one drive?", figures=figures)  # fmt: skip
         return Overlap(finding, 0.0, True)
     words, shift = _difference(*spans)
-    settings = {"imu.time_offset_s": shift} if shift else {}
+    settings = {"imu.time_offset_s": declared.imu_time_offset + shift} if shift else {}
     if words:
-        remedy = f"set imu.time_offset_s = {shift:.10g}: {words}"
+        remedy = f"set imu.time_offset_s = {declared.imu_time_offset + shift:.13g}: {words}"
     else:
         remedy = "bring both to one scale (GPS time), with imu.time_offset_s, gnss.time_offset_s or gnss.epoch_week_s"
     finding = Finding("overlap", Verdict.WRONG, f"no time in common: {text}", remedy, settings, figures)
@@ -102,10 +102,11 @@ def _difference(imu: tuple[float, float], gnss: tuple[float, float]) -> tuple[st
 
 @dataclass(frozen=True, slots=True)
 class Clocks:
-    """What was found of the offset, and what to add to the inertial stamps [s]."""
+    """What was found of the offset, what to add to the inertial stamps [s], and how well accelerations then agree."""
 
     finding: Finding
     offset: float
+    correlation: float | None = None
 
 
 def check_offset(imu: ImuLog, gnss: GnssLog, shift: float, turn_lag: float | None, declared: Declared) -> Clocks:
@@ -118,32 +119,37 @@ def check_offset(imu: ImuLog, gnss: GnssLog, shift: float, turn_lag: float | Non
     shift : float [s]
         From :func:`check_overlap`.
     turn_lag : float [s] or None
-        How late the inertial stamps are by the turns, if that is sure and beyond what accelerations are searched for.
+        How late the inertial stamps are by the turns, if that is sure.
     declared : Declared
     """
-    far = turn_lag if turn_lag is not None and abs(turn_lag) > FAR_S else 0.0
-    begin = shift - far
+    far = -turn_lag if turn_lag is not None and abs(turn_lag) > FAR_S else 0.0
+    begin = shift + far
     found = estimate_time_offset(replace(imu, time=imu.time + begin) if begin else imu, gnss)
     if found.offset is None:
         if far:
-            return Clocks(_told(-far + shift, 0.1, "turns", far, declared), shift - far)
-        reason = found.reason or "the logs do not tell"
-        return Clocks(Finding("time offset", Verdict.UNKNOWN, reason), shift)
-    total = begin + found.offset
+            return Clocks(_told(shift, far, 0.1, "turns", declared), begin)
+        return Clocks(Finding("time offset", Verdict.UNKNOWN, found.reason or "the logs do not tell"), shift)
     sd = found.sd if found.sd is not None else 0.01
-    return Clocks(_told(total, sd, f"{found.used}, correlation {found.correlation:.3f}", far, declared), total)
+    used = f"{found.used}, correlation {found.correlation:.3f}"
+    return Clocks(_told(shift, far + found.offset, sd, used, declared), begin + found.offset, found.correlation)
 
 
-def _told(total: float, sd: float, used: str, far: float, declared: Declared) -> Finding:
-    figures = {"offset_s": total, "sd_s": sd}
+def _told(shift: float, offset: float, sd: float, used: str, declared: Declared) -> Finding:
+    """What to say of an offset that remains after `shift`, which the overlap has told already."""
+    figures = {"offset_s": shift + offset, "sd_s": sd}
+    slack = max(LEAST_TOLD_S, SIGMAS * sd)
+    after = f" after {shift:+.10g} s" if shift else ""
+    if abs(offset) <= slack:
+        text = f"{offset:+.3f} s{after}, give or take {sd:.3f} s ({used})"
+        return Finding("time offset", Verdict.OK, text, figures=figures)
     text = (
-        f"the stamps of the inertial log are {abs(total):.3f} s too {'late' if total < 0 else 'early'} against GNSS, "
+        f"the stamps of the inertial log are {abs(offset):.3f} s too {'late' if offset < 0 else 'early'} against "
+        f"GNSS{after}, give or take {sd:.3f} s ({used})"
     )
-    text += f"give or take {sd:.3f} s ({used})"
-    if abs(total) <= max(LEAST_TOLD_S, SIGMAS * sd):
-        return Finding("time offset", Verdict.OK, f"{total:+.3f} s, give or take {sd:.3f} s ({used})", figures=figures)
-    value = round(declared.imu_time_offset + total, 3)
-    if abs(abs(total) - LEAP) < 0.5:
+    if abs(abs(offset) - LEAP) < max(slack, 0.2):
         text += "; GPS time and UTC are 18 s apart: one of the logs is in UTC"
-    return Finding("time offset", Verdict.LOOK, text, f"set imu.time_offset_s = {value!r}",
-                   {"imu.time_offset_s": value}, figures)  # fmt: skip
+        if abs(abs(offset) - LEAP) <= slack:
+            offset = LEAP if offset > 0.0 else -LEAP
+    value = round(declared.imu_time_offset + shift + offset, 3)
+    remedy = f"set imu.time_offset_s = {value!r}"
+    return Finding("time offset", Verdict.LOOK, text, remedy, {"imu.time_offset_s": value}, figures)

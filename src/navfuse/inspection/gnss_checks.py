@@ -30,6 +30,7 @@ COARSE_M = 20.0
 """Stated standard deviation over scatter from row to row, beyond which it is told. Receivers smooth: their errors are
 much alike from row to row, so that a ratio above TOO_LARGE counts only with more than COARSE_M stated.
 """
+IDEAL_M = 1e-4
 BY_KIND = 20.0
 """Stated standard deviation against what is usual for the kind of fix."""
 OUTLIER_M, OUTLIER_TIMES = 30.0, 15.0
@@ -111,7 +112,13 @@ def read_raw_gnss(found: Recognised, epoch: tuple[int, float] | None = None) -> 
         fix=values[text[0]] if text else None,
         n_satellites=column(N_SATELLITES) if N_SATELLITES.base in columns else None,
     )
-    names = GnssNames(columns["time"].name, *called(PLACE), called(SD_POSITION), called(VELOCITY), called(SD_VELOCITY))
+    names = GnssNames(
+        columns["time"].name,
+        *called(PLACE)[:3],
+        sd_position=called(SD_POSITION),
+        velocity=called(VELOCITY),
+        sd_velocity=called(SD_VELOCITY),
+    )
     return _at_stamps(rows, names, table.where)
 
 
@@ -279,11 +286,31 @@ def _velocity(rows: GnssRows, names: GnssNames, source: str) -> Finding:
         return Finding("velocity", Verdict.WRONG, fault or remedy, remedy if fault else "correct the columns")
     speed = np.linalg.norm(velocity[given][:, :2], axis=1)
     if notes:
+        radian = _angle_in_radians(rows, names, source)
+        if radian:
+            return Finding("velocity", Verdict.WRONG, f"{without_source(notes[0], source).partition('; are columns')[0]}; they "
+                           f"would agree if '{radian}' held radians", f"rename '{radian}' to end in _rad")  # fmt: skip
         return Finding("velocity", Verdict.LOOK, "; ".join(without_source(note, source) for note in notes),
                        "check units and signs of these columns")  # fmt: skip
     fast = float(np.percentile(speed, 99.0))
     text = f"1 row in 100 is faster than {fast:.4g} m/s, as the positions move"
     return Finding("velocity", Verdict.OK, text, figures={"fastest_mps": fast})
+
+
+def _angle_in_radians(rows: GnssRows, names: GnssNames, source: str) -> str:
+    """The one column of latitude and longitude that agrees with the velocities as radians, "" if none does."""
+    assert rows.velocity_n is not None
+    to_degrees = 180.0 / np.pi
+    trials = ((names.lat, rows.lat * to_degrees, rows.lon), (names.lon, rows.lat, rows.lon * to_degrees))
+    for name, lat, lon in trials:
+        if np.abs(lat).max() > np.pi / 2.0 or np.abs(lon).max() > 2.0 * np.pi:
+            continue
+        try:
+            if not check_velocity_units(rows.time, lat, lon, rows.height, rows.velocity_n, names.velocity, source):
+                return name
+        except InputError:
+            continue
+    return ""
 
 
 def check_sigmas(log: GnssLog, stated: Array | None, names: tuple[str, ...]) -> list[Finding]:
@@ -332,7 +359,10 @@ def check_sigmas(log: GnssLog, stated: Array | None, names: tuple[str, ...]) -> 
     if scatter is None:
         message = f"{said}; too few fixes in a row to see their scatter"
         return [Finding("position sigmas", Verdict.UNKNOWN, message, figures=figures)]
-    ratio = sd / max(scatter, 1e-6)
+    if scatter < IDEAL_M:
+        message = f"{said}; the fixes do not scatter at all, as simulated ones without noise do"
+        return [Finding("position sigmas", Verdict.UNKNOWN, message, figures=figures)]
+    ratio = sd / scatter
     figures |= {"scatter_m": scatter, "ratio": ratio}
     text = f"{said}; from row to row the fixes scatter by {scatter:.3g} m about a smooth path where it is calmest"
     if not kind and (ratio > FAR_TOO_LARGE or (ratio > TOO_LARGE and sd > COARSE_M)):

@@ -15,7 +15,7 @@ from navfuse.inspection.findings import Finding, Verdict
 from navfuse.inspection.recognise import Recognised, without_source
 from navfuse.inspection.time_checks import Stamps, check_stamps
 from navfuse.io.columns import Field
-from navfuse.io.imu_plausibility import check_accel, check_gyro
+from navfuse.io.imu_plausibility import check_accel, check_gyro, gravity_coherence
 from navfuse.io.imu_table import INCREMENTS, RATES
 from navfuse.io.units import UNITS, scaled
 
@@ -205,13 +205,13 @@ def check_channels(time: Array, gyro: Array, accel: Array, names: Sequence[str])
     least = max(STUCK_ROWS, round(STUCK_S / step))
     for triad, sensor, first in ((gyro, "gyros", 1), (accel, "accelerometers", 4)):
         same = triad[1:] == triad[:-1]
-        alive = np.array([_noisy(triad[:, k]) for k in range(3)])
+        alive = np.array([is_noisy(triad[:, k]) for k in range(3)])
         for k in range(3):
             others = [j for j in range(3) if j != k]
             name = names[first + k]
             if not alive[others].any():
                 continue
-            start, length = _longest_run(same[:, k])
+            start, length = longest_run(same[:, k])
             if length == time.size:
                 found.append(
                     Finding(
@@ -247,14 +247,14 @@ def check_channels(time: Array, gyro: Array, accel: Array, names: Sequence[str])
     return found
 
 
-def _noisy(values: Array) -> bool:
+def is_noisy(values: Array) -> bool:
     """Whether a channel has the noise of a sensor; ideal simulated ones have none, and may well be constant."""
     head = values[: min(values.size, SAMPLE)]
     bend = np.abs(np.diff(head, 2))
     return bool(bend.size and np.mean(bend > 0.0) > 0.3 and np.mean(bend) > 1e-3 * np.std(head))
 
 
-def _longest_run(same: Array) -> tuple[int, int]:
+def longest_run(same: Array) -> tuple[int, int]:
     """First row and number of rows of the longest run of equal values."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(np.int8)))
     if not edges.size:
@@ -280,11 +280,10 @@ def _clipped(triad: Array, step: float, names: Sequence[str], sensor: str) -> li
         for limit in (float(values.max()), float(values.min())):
             at = values == limit
             count = int(np.count_nonzero(at))
-            if count < CLIPPED_ROWS or abs(limit - float(np.median(values))) < 3.0 * spread:
+            if count < CLIPPED_ROWS or spread == 0.0 or abs(limit - float(np.median(values))) < spread:
                 continue
-            _, run = _longest_run(at[1:] & at[:-1])
-            near = int(np.count_nonzero(np.abs(values - limit) < 0.02 * abs(limit))) - count
-            if run < CLIPPED_RUN or count < 3 * near:
+            _, run = longest_run(at[1:] & at[:-1])
+            if run < CLIPPED_RUN or count < 5 * _usual_count(values, limit):
                 continue
             scale = _full_scale(abs(limit), sensor)
             found.append(
@@ -298,6 +297,14 @@ def _clipped(triad: Array, step: float, names: Sequence[str], sensor: str) -> li
                 )
             )
     return found
+
+
+def _usual_count(values: Array, limit: float) -> int:
+    """How often the ten values next to the limit occur, the most frequent of them."""
+    beside = values[np.abs(values - limit) < 0.1 * abs(limit)]
+    levels, counts = np.unique(beside[beside != limit], return_counts=True)
+    nearest = np.argsort(np.abs(levels - limit))[:10]
+    return int(counts[nearest].max(initial=1))
 
 
 def _full_scale(limit: float, sensor: str) -> str:
@@ -375,6 +382,8 @@ def _accel_unit(
     if notes:
         new_kind, factor, words = _alternative(kind, size)
         remedy = f"only as {words} is it gravity: rename the columns" if words else "check unit and columns"
+        if kind == "increments" and not words and force < _G:
+            remedy += "; increments have to cover the whole time between rows: were rows left out?"
         verdict = Verdict.WRONG if words else Verdict.LOOK
         message = without_source(notes[0], source).removesuffix("; check the unit of these columns")
         if not stated and words:
@@ -392,7 +401,6 @@ def _stated(units: Mapping[str, str], names: tuple[str, ...], group: Sequence[Fi
 
 _ACCEL_WORDS = {
     "g": _G, "mg": 1e-3 * _G, "cm/s^2": 1e-2, "ug": 1e-6 * _G, "ft/s^2": 0.3048, "m/s^2 in a column of g": 1.0 / _G,
-    "m/s^2 in a column of mg": 1e3 / _G,
 }  # fmt: skip
 
 
@@ -434,6 +442,15 @@ def _gyro_unit(
         message = without_source(str(error), source)
         fault, _, remedy = message.partition(": rename to ")
         remedy = f"rename to {remedy}" if remedy else "check the unit of the gyro columns"
+        order = _other_order(time, gyro, accel, kind)
+        if order:
+            message = (
+                f"{fault.partition(', but only')[0]}; as they stand in the file they cannot be the rates of these axes"
+            )
+            finding = Finding(
+                "gyro order", Verdict.WRONG, message, f"correct the gyro columns: {order}", figures=figures
+            )
+            return 1.0, finding
         factor = np.pi / 180.0
         try:
             tried(factor)
@@ -441,5 +458,32 @@ def _gyro_unit(
             factor = 1.0
         return factor, Finding("gyro unit", Verdict.WRONG, fault, remedy, figures=figures)
     if notes:
+        order = _other_order(time, gyro, accel, kind)
+        if order:
+            message = without_source(notes[0], source).partition("; check")[0]
+            finding = Finding(
+                "gyro order", Verdict.WRONG, message, f"correct the gyro columns: {order}", figures=figures
+            )
+            return 1.0, finding
         return 1.0, Finding("gyro unit", Verdict.LOOK, without_source(notes[0], source), figures=figures)
     return 1.0, Finding("gyro unit", Verdict.OK, text, figures=figures)
+
+
+def _other_order(time: Array, gyro: Array, accel: Array, kind: str) -> str:
+    """The order of the gyro columns with which gravity stays where it is, in words; "" if none of them does much better.
+
+    Signs are left alone: turned the other way round about the vertical, gravity stays where it is as well.
+    """
+    bias = np.median(per_second(gyro, time, kind), axis=0)
+
+    def deviation(order: tuple[int, ...]) -> float:
+        columns = list(order)
+        average = gravity_coherence(time, gyro[:, columns], accel, kind, 1.0, bias[columns])
+        return float(np.median(np.abs(average - _G))) if average.size else np.inf
+
+    as_is = deviation((0, 1, 2))
+    trials = {order: deviation(order) for order in ((0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))}
+    best = min(trials, key=trials.__getitem__)
+    if not trials[best] < min(0.25 * as_is, 0.1):
+        return ""
+    return "x, y, z stand in the columns " + ", ".join("xyz"[k] for k in best)

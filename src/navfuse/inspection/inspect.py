@@ -44,6 +44,10 @@ _AIDING: dict[str, Callable[..., Any]] = {
 }
 
 
+_SPOILING = ("stuck channel", "columns", "gyro order")
+"""Faults of single channels, after which signs and handedness cannot be told."""
+
+
 @dataclass(slots=True)
 class _Logs:
     """What was read, for the checks between files: the first of each role."""
@@ -275,7 +279,9 @@ def _between(reports: list[FileReport], logs: _Logs, declared: Declared) -> list
         own: list[Finding] = [check_rest(imu, logs.gnss)]
         if logs.gnss is not None and imu.time.size > 10:
             pair = check_pair(imu, logs.gnss, declared)
-            mine = ("axes", "handedness")
+            if any(one.check in _SPOILING and one.verdict is Verdict.WRONG for one in reports[at].findings):
+                pair = [one for one in pair if one.check not in ("handedness", "signs")]
+            mine = ("axes", "handedness", "signs")
             own += [one for one in pair if one.check in mine]
             between += [one for one in pair if one.check not in mine]
         else:

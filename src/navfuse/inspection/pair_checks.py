@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from navfuse.imu.turning import ALIKE, TurnFit, check_fit, fit_turns
 from navfuse.inspection.clock_checks import check_offset, check_overlap
 from navfuse.inspection.declared import Declared
 from navfuse.inspection.findings import Finding, Verdict
+from navfuse.inspection.sign_checks import check_signs, inverted_accelerometer
 from navfuse.io.imu_table import body_from_file
 
 Array = np.ndarray
@@ -38,16 +40,20 @@ def check_pair(imu: ImuLog, gnss: GnssLog, declared: Declared) -> list[Finding]:
     """
     imu = replace(imu, time=imu.time + declared.imu_time_offset)
     gnss = replace(gnss, time=gnss.time + declared.gnss_time_offset)
-    overlap = check_overlap(imu, gnss)
+    overlap = check_overlap(imu, gnss, declared)
     if not overlap.met:
         return [overlap.finding, *_check_axes_alone(imu, declared)]
     moved = replace(imu, time=imu.time + overlap.shift) if overlap.shift else imu
     turns, lag = _check_turns(moved, gnss)
     clocks = check_offset(imu, gnss, overlap.shift, lag, declared)
     found = [overlap.finding, turns, clocks.finding]
-    found += check_axes(find_axes(imu, gnss, clocks.offset), declared, with_gnss=True)
+    placed = replace(imu, time=imu.time + clocks.offset)
+    axes = find_axes(placed, gnss)
+    found += check_axes(axes, declared, with_gnss=True, inverted=lambda: inverted_accelerometer(placed, gnss))
+    if clocks.correlation is not None:
+        found += check_signs(placed, gnss, axes, clocks.correlation)
     found.append(check_lever_arm(declared))
-    return [one for one in found if one is not None]
+    return found
 
 
 def _check_axes_alone(imu: ImuLog, declared: Declared) -> list[Finding]:
@@ -115,8 +121,13 @@ def _other_reading(increments: ImuIncrements, gnss: GnssLog, fit: TurnFit) -> tu
     )
 
 
-def check_axes(found: FoundAxes, declared: Declared, with_gnss: bool) -> list[Finding]:
-    """What x, y, z point to, against what the project says or would assume."""
+def check_axes(
+    found: FoundAxes, declared: Declared, with_gnss: bool, inverted: Callable[[], str] | None = None
+) -> list[Finding]:
+    """What x, y, z point to, against what the project says or would assume.
+
+    `inverted` finds out which accelerometers have the wrong sign, should the axes be left-handed.
+    """
     findings = []
     figures = {"confidence": found.confidence}
     if found.tilt is not None:
@@ -124,7 +135,7 @@ def check_axes(found: FoundAxes, declared: Declared, with_gnss: bool) -> list[Fi
     matrix = body_from_file(declared.axes, declared.rotation)
     said = "rotation" if declared.rotation is not None else f'axes = "{declared.axes}"'
     by = "the project" if declared.stated else "the default"
-    findings += _handedness(found)
+    findings += _handedness(found, inverted)
     if found.up is None or found.tilt is None:
         findings.append(Finding("axes", Verdict.UNKNOWN, found.reason or "the vertical was not found", figures=figures))
         return findings
@@ -201,7 +212,7 @@ def _unit(axis: str) -> Array:
     return vector
 
 
-def _handedness(found: FoundAxes) -> list[Finding]:
+def _handedness(found: FoundAxes, inverted: Callable[[], str] | None) -> list[Finding]:
     if found.gyro_up is not None and found.up is not None and found.gyro_up[-1] != found.up[-1]:
         return [
             Finding(
@@ -213,13 +224,15 @@ def _handedness(found: FoundAxes) -> list[Finding]:
             )
         ]
     if found.left_handed:
+        culprit = inverted() if inverted is not None else ""
+        who = f"{culprit} turned round would put it right" if culprit else "one of them is negated, or all three are"
         return [
             Finding(
                 "handedness",
                 Verdict.WRONG,
                 f"the accelerometers are left-handed: up is {found.up}, forward {found.forward}, and the third axis "
-                "points the other way than x, y, z of a right-handed frame: one of them is negated, or all three are",
-                "correct the sign of that column",
+                f"points the other way than x, y, z of a right-handed frame: {who}",
+                f"negate {culprit}" if culprit else "correct the sign of that column",
             )
         ]
     if found.gyro_sense == -1:
@@ -314,7 +327,7 @@ def check_speed(time: Array, speed: Array, gnss: GnssLog) -> Finding:
     for words, factor in _SPEED_WORDS.items():
         if abs(ratio / factor - 1.0) < 0.06:
             return Finding("odometer speed", Verdict.WRONG, f"{text}: the values are {words}",
-                           f"name the unit: speed_{words.replace('/', 'p').replace('kmph', 'kmph')}", figures=figures)  # fmt: skip
+                           "put that unit into the name of the column", figures=figures)  # fmt: skip
         if abs(ratio * factor - 1.0) < 0.06:
             return Finding("odometer speed", Verdict.WRONG, f"{text}: m/s in a column of {words}", "name it speed_mps",
                            figures=figures)  # fmt: skip
