@@ -18,8 +18,8 @@ from navfuse.imu.level_match import Match, Scan, prepare, scan
 from navfuse.imu.seen_motion import Array, Stretches, chain
 from navfuse.imu.turning import FEWEST, LEAST_TURN, changes_of_course
 
-GAINED = 25.0
-"""-2 log likelihood by which a reading has to beat one that comes before it."""
+GAINED, GAINED_SHARE = 25.0, 0.05
+"""-2 log likelihood by which a reading has to beat one that comes before it, at least, and as a share of it."""
 SURE_CORRELATION = 0.95
 """Below it, gyroscopes in another order are looked for, and a comparison without them is tried."""
 CLEARER = 0.5
@@ -131,7 +131,7 @@ def compare(
 
 
 def _better(best: Compared, other: Compared) -> Compared:
-    return other if other.deviance < best.deviance - GAINED else best
+    return other if other.deviance < best.deviance - max(GAINED, GAINED_SHARE * abs(best.deviance)) else best
 
 
 class VerticalAxes(NamedTuple):

@@ -5,7 +5,8 @@ In a stretch of half a minute, with everything horizontal as complex numbers,
     seen(t) = polynomial(t) + z A(t - offset) + z l . L(t - offset)
 
 where `A` is the specific force integrated once (or twice, where only positions were seen), `L` what a lever arm `l`
-adds to it, and the complex `z` turns the frame of the gyroscopes to north. The polynomial, of second (third) degree,
+adds to it, and the complex `z` turns the frame of the gyroscopes to north. Its modulus is 1; least squares leave it
+free, for scale factors. The polynomial, of second (third) degree,
 takes the state at the start, the error of levelling, biases, and their growth. Nothing is assumed about the mounting,
 the vehicle, or where it points; of the logs, only that gyroscopes and accelerometers are of one right-handed triad.
 
@@ -65,12 +66,15 @@ class Scan:
     deviance : (k,) array
         -2 log likelihood against "they have nothing in common".
     correlation : (k,) array
-        0..1, over all stretches.
+        0..1, root of the share of what GNSS saw that the inertial data explain, over all stretches.
+    alike : (k,) array
+        The same if in every stretch they may be of any scale, which two logs that have nothing in common can profit by.
     """
 
     lags: Array
     deviance: Array
     correlation: Array
+    alike: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,12 +130,13 @@ def scan(match: Match, lags: Array) -> tuple[Scan, Scan]:
         match.motion.time, _integral(match), match.basis, rows.time, rows.weight, match.nuisance, seen, lags, power,
         products[0], products[1],
     )  # fmt: skip
-    parts = np.abs(products) ** 2 / np.maximum(power, 1e-12)
-    rest = np.maximum(total - parts, 0.0) + floor
-    deviance = np.log(rest / (total + floor)) @ freedom
-    explained = parts.sum(axis=2)
-    correlation = np.sqrt(np.clip(explained / max(total.sum(), 1e-12), 0.0, 1.0))
-    plain, mirrored = (Scan(lags, deviance[way], correlation[way]) for way in (0, 1))
+    sizes = np.abs(products)
+    rest = np.maximum(total - 2.0 * sizes + power, 0.0)
+    deviance = np.log((rest + floor) / (total + floor)) @ freedom
+    everything = max(float(total.sum()), 1e-12)
+    correlation = np.sqrt(np.clip(1.0 - rest.sum(axis=2) / everything, 0.0, 1.0))
+    alike = np.sqrt(np.clip((sizes**2 / np.maximum(power, 1e-12)).sum(axis=2) / everything, 0.0, 1.0))
+    plain, mirrored = (Scan(lags, deviance[way], correlation[way], alike[way]) for way in (0, 1))
     return plain, mirrored
 
 

@@ -207,9 +207,10 @@ def stretches(gnss: GnssLog, first: float, last: float, holes: Array, positions:
     if time.size < FEWEST_ROWS:
         return Stretches(np.empty((0, 1)), np.empty((0, 1), complex), np.empty((0, 1)), positions)
     length = max(STRETCH_S, STRETCH_ROWS * float(np.median(np.diff(time))))
-    count = max(1, round((time[-1] - time[0]) / length))
-    edges = np.searchsorted(time, np.linspace(time[0], np.nextafter(time[-1], np.inf), count + 1))
-    pieces = [slice(a, b) for a, b in pairwise(edges) if b - a >= FEWEST_ROWS]
+    span = float(time[-1] - time[0])
+    length = np.nextafter(span, np.inf) / max(1, round(span / length))
+    edges = [0, *(1 + np.flatnonzero(np.diff(np.floor((time - time[0]) / length)))), time.size]
+    pieces = [slice(int(a), int(b)) for a, b in pairwise(edges) if b - a >= FEWEST_ROWS]
     pieces = [p for p in pieces if not _spoilt(time[p], holes, reach)]
     if len(pieces) > MOST_STRETCHES:
         pieces = [pieces[k] for k in np.linspace(0, len(pieces) - 1, MOST_STRETCHES).round().astype(int)]
@@ -235,7 +236,8 @@ def _horizontal_sd(gnss: GnssLog, positions: bool) -> Array:
     if sd is None:
         return np.ones(gnss.time.size)
     worst = np.max(sd[:, :2], axis=1)
-    return np.where(np.isfinite(worst) & (worst > 0.0), worst, np.inf)
+    given = np.isfinite(worst) & (worst > 0.0)
+    return np.where(given, worst, np.median(worst[given])) if given.any() else np.ones(worst.size)
 
 
 def _horizontal(gnss: GnssLog, rows: Array, positions: bool) -> Array:
