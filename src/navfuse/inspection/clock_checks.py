@@ -16,7 +16,7 @@ from navfuse.io.gps_time import DAY, WEEK
 LEAP = 18.0
 LEAST_TOLD_S = 0.03
 """Offsets below are of no account: no vehicle moves enough in that time."""
-SIGMAS = 3.0
+SIGMAS = 4.0
 FAR_S = 0.8
 """Beyond it, turns are believed where accelerations are not."""
 
@@ -131,7 +131,16 @@ def check_offset(imu: ImuLog, gnss: GnssLog, shift: float, turn_lag: float | Non
         return Clocks(Finding("time offset", Verdict.UNKNOWN, found.reason or "the logs do not tell"), shift)
     sd = found.sd if found.sd is not None else 0.01
     used = f"{found.used}, correlation {found.correlation:.3f}"
-    return Clocks(_told(shift, far + found.offset, sd, used, declared), begin + found.offset, found.correlation)
+    offset = found.offset
+    if found.by_positions is not None and found.by_velocities is not None:
+        offset = 0.5 * (found.by_positions + found.by_velocities)
+        sd = min(sd, 0.5 * abs(found.by_positions - found.by_velocities) / SIGMAS)
+        used = (
+            f"positions say {far + found.by_positions:+.3f} s and velocities {far + found.by_velocities:+.3f} s: the "
+            "receiver's velocities lag or lead its positions. A run that uses both is served best by the middle; with "
+            'gnss.use = ["position"] set that of the positions'
+        )
+    return Clocks(_told(shift, far + offset, sd, used, declared), begin + offset, found.correlation)
 
 
 def _told(shift: float, offset: float, sd: float, used: str, declared: Declared) -> Finding:
