@@ -127,7 +127,7 @@ def find_axes(imu: ImuLog, gnss: GnssLog | None, offset_s: float = 0.0) -> Found
     -------
     FoundAxes
     """
-    increments, holes = coarse_increments(imu)
+    increments, holes = coarse_increments(replace(imu, time=imu.time + offset_s))
     force = increments.inc_v_b.sum(axis=0) / max(float(increments.dt.sum()), 1e-9) if len(increments) else np.zeros(3)
     size = float(np.linalg.norm(force))
     if not 0.5 < size / STANDARD_GRAVITY < 2.0:
@@ -139,16 +139,16 @@ def find_axes(imu: ImuLog, gnss: GnssLog | None, offset_s: float = 0.0) -> Found
     if gnss is None:
         return replace(found, reason="without GNSS only the vertical is known")
     gnss = usable_gnss(gnss)
-    found = _with_turns(found, increments, gnss, offset_s)
+    found = _with_turns(found, increments, gnss)
     if tilt > TILTED:
         return replace(
             found,
             reason=f"no axis is near the vertical, {np.degrees(tilt):.0f} deg off: it takes imu.rotation, not imu.axes",
         )
-    seen = _seen(increments, holes, gnss, offset_s)
+    seen = _seen(increments, holes, gnss)
     if seen is None:
         return replace(found, reason="it does not accelerate enough, or is too short, to tell which way is forward")
-    return _with_nose(found, seen, up, offset_s)
+    return _with_nose(found, seen, up)
 
 
 def _unknown(reason: str) -> FoundAxes:
@@ -162,9 +162,9 @@ def _name(axis: int, sign: float) -> str:
     return ("-" if sign < 0.0 else "+") + "xyz"[axis]
 
 
-def _with_turns(found: FoundAxes, increments: ImuIncrements, gnss: GnssLog, offset_s: float) -> FoundAxes:
+def _with_turns(found: FoundAxes, increments: ImuIncrements, gnss: GnssLog) -> FoundAxes:
     """Add which gyroscope turns with the course, and which way."""
-    axes = vertical_axes(increments, gnss, np.array([offset_s]))
+    axes = vertical_axes(increments, gnss, np.zeros(1))
     if axes is None:
         return found
     found = replace(found, gyro_up=_name(axes.gyro, -axes.gyro_down))
@@ -185,20 +185,19 @@ def _with_turns(found: FoundAxes, increments: ImuIncrements, gnss: GnssLog, offs
     return replace(found, gyro_sense=-1, notes=(*found.notes, note))
 
 
-def _seen(increments: ImuIncrements, holes: Array, gnss: GnssLog, offset_s: float) -> Compared | None:
-    """Accelerations compared at the offset, in the reading that agrees; None if none does."""
-    time = increments.time + offset_s
-    rows = stretches(gnss, time[0], time[-1], holes + offset_s, not has_velocity(gnss))
+def _seen(increments: ImuIncrements, holes: Array, gnss: GnssLog) -> Compared | None:
+    """Accelerations in the reading that agrees; None if none does."""
+    rows = stretches(gnss, increments.time[0], increments.time[-1], holes, not has_velocity(gnss))
     if not rows.time.shape[0]:
         return None
-    seen = best_reading(increments, holes, gnss, rows, np.array([offset_s]))
+    seen = best_reading(increments, holes, gnss, rows, np.zeros(1))
     return seen if seen.correlation > LEAST_CORRELATION and -seen.deviance > STANDS_OUT else None
 
 
-def _with_nose(found: FoundAxes, seen: Compared, up: Array, offset_s: float) -> FoundAxes:
+def _with_nose(found: FoundAxes, seen: Compared, up: Array) -> FoundAxes:
     """Add which axis is forward, and what follows from it."""
     reading = seen.reading
-    nose = _nose(seen, offset_s)
+    nose = _nose(seen)
     if nose is None or nose.concentration < LEAST_CONCENTRATION:
         strays = "" if nose is None else f" (mean resultant length {nose.concentration:.2f} of 1)"
         return replace(found, reason=f"it does not point along its course{strays}, or hardly moves")
@@ -245,16 +244,16 @@ def _with_nose(found: FoundAxes, seen: Compared, up: Array, offset_s: float) -> 
     )  # fmt: skip
 
 
-def _nose(seen: Compared, offset_s: float) -> Nose | None:
+def _nose(seen: Compared) -> Nose | None:
     """Mean direction of travel in the axes of the file, over all rows that move."""
     match = seen.match
-    phase, coherence = stretch_phases(match, offset_s)
+    phase, coherence = stretch_phases(match, 0.0)
     course = _courses(seen)
     moving = np.abs(course) >= (LEAST_SPEED if seen.reading.sense else 0.0)
     weight = np.where(moving & (match.rows.weight > 0.0), np.abs(course), 0.0) * coherence[:, None]
     unit = course / np.maximum(np.abs(course), 1e-9) / phase[:, None]
     in_l = unit.real[..., None] * match.basis[:, None, 0] + unit.imag[..., None] * match.basis[:, None, 1]
-    at = match.rows.time - offset_s
+    at = match.rows.time
     time = match.motion.time
     in_file = np.stack(
         [
