@@ -4,10 +4,10 @@ import json
 import tomllib
 
 import pytest
+from tests.inspection.damages import degrees, read_columns
 
 from navfuse.io.tables import write_table
 from navfuse.scenario_files import simulate_scenario
-from tests.inspection.damages import degrees, read_columns
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,8 @@ def test_what_is_certainly_wrong_ends_with_1_and_the_message_at_the_end(navfuse,
     code, out, err = navfuse("inspect", tmp_path / "imu.parquet")
     assert code == 1
     assert "  wrong        gyro unit" in out
-    assert err.startswith("error: ") and "dtheta_x_deg" in err
+    assert err.startswith("error: ")
+    assert "dtheta_x_deg" in err
 
 
 def test_json_holds_every_finding(navfuse, drive):

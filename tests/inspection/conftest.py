@@ -1,9 +1,9 @@
 from __future__ import annotations
 
 import pytest
+from tests.inspection.damages import read_columns
 
 from navfuse.scenario_files import simulate_scenario
-from tests.inspection.damages import read_columns
 
 
 @pytest.fixture(scope="session")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from tests.inspection import damages
+from tests.inspection.damages import negated, read_columns, sigmas, write
 
 from navfuse.inspection.findings import Inspection, Verdict
 from navfuse.inspection.inspect import inspect
-from tests.inspection import damages
-from tests.inspection.damages import negated, read_columns, sigmas, write
 
 CASES = {
     "degrees": (damages.degrees, "gyro unit", "deg"),
@@ -66,7 +66,9 @@ def complaints(found: Inspection) -> list[str]:
 QUICK = ("degrees", "g", "FLU", "IMU late", "sigmas large", "stuck", "kind", "rollover", "leap seconds", "gravity down")
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CASES])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CASES]
+)
 def test_a_fault_of_a_simulated_drive_is_named(name, city_tables, tmp_path):
     damage, checks, word = CASES[name]
     imu, gnss = (dict(columns) for columns in city_tables)

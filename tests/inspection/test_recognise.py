@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.inspection.damages import accels, gyros
 
 import navfuse
 from navfuse.errors import ConfigError, InputError
 from navfuse.inspection.findings import Verdict
 from navfuse.io.tables import write_table
-from tests.inspection.damages import accels, gyros
 
 
 def verdicts(report, verdict):
@@ -22,7 +22,10 @@ def verdicts(report, verdict):
         ("", "empty"),
         ("1,2,3\n4,5,6\n", "column names"),
         ("time_s,lat_deg,lon_deg,height_m\n0,48,11,500\n", "1 row"),
-        ("time_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,accel_x_mps2,accel_y_mps2,accel_z_mps2\n0,0,0,0,0,0,9.8\n", "1 row"),
+        (
+            "time_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,accel_x_mps2,accel_y_mps2,accel_z_mps2\n0,0,0,0,0,0,9.8\n",
+            "1 row",
+        ),
         ("time_s,lat_deg,lon_deg,height_m\n0,48,11,5,00\n", "cells"),
     ],
     ids=["empty", "no names", "one fix", "one row", "comma decimals"],
@@ -96,4 +99,3 @@ def test_nothing_and_two_projects_are_refused(tmp_path):
         navfuse.inspect([])
     with pytest.raises(ConfigError, match="second project"):
         navfuse.inspect([tmp_path / "a.toml", tmp_path / "b.toml"])
-

@@ -180,7 +180,7 @@ def _fixes(rows: GnssRows, usable: int) -> Finding:
     if rows.fix is not None:
         names, counts = np.unique(rows.fix.astype(str), return_counts=True)
         kinds = ": " + ", ".join(
-            f"{name or 'none'} {100.0 * count / total:.3g} %" for name, count in zip(names, counts)
+            f"{name or 'none'} {100.0 * count / total:.3g} %" for name, count in zip(names, counts, strict=True)
         )
     text = f"{usable} of {total} rows hold a position{kinds}"
     if usable < 2:
@@ -239,7 +239,7 @@ def _height(rows: GnssRows, names: GnssNames) -> Finding:
         )
     if not rows.height.any():
         return Finding("height", Verdict.LOOK, "all heights are 0 m", "export the ellipsoidal height too")
-    return Finding("height", Verdict.OK, f"{text}; above the ellipsoid or the geoid, in metres or feet: nothing here tells",
+    return Finding("height", Verdict.OK, f"{text}; ellipsoid or geoid, metres or feet: nothing here tells",
                    figures={"median_m": middle})  # fmt: skip
 
 
@@ -257,7 +257,8 @@ def _outliers(rows: GnssRows) -> Finding:
         return Finding(
             "outliers",
             Verdict.LOOK,
-            f"{far.size} fixes are {OUTLIER_M:g} m or more off the line through their neighbours, the worst {apart[worst]:.3g} m at "
+            f"{far.size} fixes are {OUTLIER_M:g} m or more off the line through their neighbours, the worst "
+            f"{apart[worst]:.3g} m at "
             f"{rows.time[worst + 2]:.6g} s",
             "the filter's gate leaves such fixes out; many of them mean a bad sky or a bad export",
             figures={"outliers": float(far.size), "worst_m": float(apart[worst])},
@@ -288,7 +289,8 @@ def _velocity(rows: GnssRows, names: GnssNames, source: str) -> Finding:
     if notes:
         radian = _angle_in_radians(rows, names, source)
         if radian:
-            return Finding("velocity", Verdict.WRONG, f"{without_source(notes[0], source).partition('; are columns')[0]}; they "
+            return Finding("velocity", Verdict.WRONG, f"{without_source(notes[0], source).partition('; are columns')[0]}; "
+                           "they "
                            f"would agree if '{radian}' held radians", f"rename '{radian}' to end in _rad")  # fmt: skip
         return Finding("velocity", Verdict.LOOK, "; ".join(without_source(note, source) for note in notes),
                        "check units and signs of these columns")  # fmt: skip
@@ -411,7 +413,8 @@ def local_scatter(log: GnssLog) -> float | None:
     count = bends[0].size // WINDOW
     if count < FEWEST_WINDOWS:
         return None
-    square = sum(part[: count * WINDOW].reshape(count, WINDOW) for part in bends) / (2.0 * 20.0)
+    north, east = (part[: count * WINDOW].reshape(count, WINDOW) for part in bends)
+    square = (north + east) / (2.0 * 20.0)
     mean = np.array([row.mean() for row in square if np.isfinite(row).all()])
     if mean.size < FEWEST_WINDOWS:
         return None

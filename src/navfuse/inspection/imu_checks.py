@@ -290,8 +290,8 @@ def _clipped(triad: Array, step: float, names: Sequence[str], sensor: str) -> li
                 Finding(
                     "saturation",
                     Verdict.LOOK,
-                    f"column '{name}': {count} rows sit at exactly {limit:.6g}, up to {run} in succession ({run * step:.3g} "
-                    f"s): the channel is clipped at its range{scale}",
+                    f"column '{name}': {count} rows sit at exactly {limit:.6g}, up to {run} in succession "
+                    f"({run * step:.3g} s): the channel is clipped at its range{scale}",
                     "the motion beyond it is lost; use a sensor or a setting with a wider range",
                     figures={"limit": limit, "rows": float(count)},
                 )
@@ -320,10 +320,9 @@ def _copies(values: Array, names: Sequence[str]) -> list[Finding]:
     for k in range(1, values.shape[1]):
         for j in range(k):
             if np.ptp(values[:, k]) > 0.0 and np.array_equal(values[:, j], values[:, k]):
-                found.append(
-                    Finding("columns", Verdict.WRONG, f"column '{names[k]}' is a copy of '{names[j]}'",
-                            "export the log again; noise never comes twice")
-                )  # fmt: skip
+                message = f"column '{names[k]}' is a copy of '{names[j]}'"
+                remedy = "export the log again; noise never comes twice"
+                found += [Finding("columns", Verdict.WRONG, message, remedy)]
     return found
 
 
@@ -341,7 +340,7 @@ def _exchanged(gyro: Array, accel: Array, time: Array, kind: str) -> str:
     rate, force = float(np.median(rates)), float(np.median(forces))
     steady_rate = float(np.median(np.abs(rates - rate))) < 0.2 * rate
     if steady_rate and 0.8 * _G < rate < 1.25 * _G and force < 0.5 * _G:
-        return f"the gyros have a steady magnitude of {rate:.3g}, which is gravity in m/s^2, the accelerometers {force:.3g}"
+        return f"the gyros have a steady magnitude of {rate:.3g}, gravity in m/s^2, the accelerometers {force:.3g}"
     to_degrees = 180.0 / np.pi
     in_degrees = rate * to_degrees
     if steady_rate and 0.8 * _G < in_degrees < 1.25 * _G and force < 0.5 * _G:
@@ -470,7 +469,7 @@ def _gyro_unit(
 
 
 def _other_order(time: Array, gyro: Array, accel: Array, kind: str) -> str:
-    """The order of the gyro columns with which gravity stays where it is, in words; "" if none of them does much better.
+    """The order of the gyro columns with which gravity stays where it is, in words; "" if none does much better.
 
     Signs are left alone: turned the other way round about the vertical, gravity stays where it is as well.
     """

@@ -12,6 +12,8 @@ from navfuse.data.trajectory import Trajectory
 from navfuse.errors import InputError
 from navfuse.imu.gaps import gap_limit
 from navfuse.imu.increments import ImuIncrements, to_increments
+from navfuse.imu.lever_arm import LeverArm, fit_lever_arm
+from navfuse.imu.lever_arm import check_lever_arm as contradictions
 from navfuse.imu.mounting import FoundAxes, find_axes
 from navfuse.imu.turning import ALIKE, TurnFit, check_fit, fit_turns
 from navfuse.inspection.clock_checks import check_offset, check_overlap
@@ -52,7 +54,12 @@ def check_pair(imu: ImuLog, gnss: GnssLog, declared: Declared) -> list[Finding]:
     found += check_axes(axes, declared, with_gnss=True, inverted=lambda: inverted_accelerometer(placed, gnss))
     if clocks.correlation is not None:
         found += check_signs(placed, gnss, axes, clocks.correlation)
-    found.append(check_lever_arm(declared))
+    body = axes.axes or declared.axes
+    matrix = body_from_file(body, declared.rotation if body == "FRD" else None)
+    fitted = None
+    if clocks.correlation is not None and axes.axes is not None:
+        fitted = fit_lever_arm(replace(placed, gyro=placed.gyro @ matrix.T, accel=placed.accel @ matrix.T), gnss)
+    found.append(check_lever_arm(declared, fitted))
     return found
 
 
@@ -76,8 +83,10 @@ def _check_turns(imu: ImuLog, gnss: GnssLog) -> tuple[Finding, float | None]:
     if mirrored:
         return Finding("turns", Verdict.WRONG, *mirrored, figures=figures), None
     if abs(fit.correlation) < ALIKE:
-        return Finding("turns", Verdict.UNKNOWN, f"gyros and course do not turn alike (correlation {fit.correlation:.2f}): "
-                       "a vehicle that points elsewhere than it goes, or other trouble", figures=figures), None  # fmt: skip
+        text = (
+            f"gyros and course do not turn alike (correlation {fit.correlation:.2f}): it points elsewhere than it goes"
+        )
+        return Finding("turns", Verdict.UNKNOWN, text, figures=figures), None
     try:
         notes = check_fit(fit)
     except InputError as error:
@@ -116,7 +125,8 @@ def _other_reading(increments: ImuIncrements, gnss: GnssLog, fit: TurnFit) -> tu
     if not best[1]:
         return None
     return (
-        f"the positions turn as the gyros do only if {best[1]}: correlation {best[0]:.3f} instead of {fit.correlation:.3f}",
+        f"the positions turn as the gyros do only if {best[1]}: correlation {best[0]:.3f} "
+        f"instead of {fit.correlation:.3f}",
         best[2],
     )
 
@@ -218,8 +228,8 @@ def _handedness(found: FoundAxes, inverted: Callable[[], str] | None) -> list[Fi
             Finding(
                 "handedness",
                 Verdict.WRONG,
-                f"the gyros turn with the course about {found.gyro_up[-1]} while the accelerometers find the vertical on "
-                f"{found.up[-1]}: gyros and accelerometers are in different order",
+                f"the gyros turn with the course about {found.gyro_up[-1]} while the accelerometers find the vertical "
+                f"on {found.up[-1]}: gyros and accelerometers are in different order",
                 "correct the order of the columns",
             )
         ]
@@ -248,8 +258,8 @@ def _handedness(found: FoundAxes, inverted: Callable[[], str] | None) -> list[Fi
     return []
 
 
-def check_lever_arm(declared: Declared) -> Finding:
-    """Whether the lever arm of a project can be one."""
+def check_lever_arm(declared: Declared, fitted: LeverArm | None = None) -> Finding:
+    """Whether the lever arm of a project can be one, and the one by which the antenna moves in turns."""
     if declared.lever_arm is None:
         return Finding(
             "lever arm",
@@ -261,12 +271,15 @@ def check_lever_arm(declared: Declared) -> Finding:
     length = float(np.linalg.norm(arm))
     text = f"{length:.3g} m from the IMU to the antenna"
     figures = {"length_m": length}
+    odd = contradictions(arm, fitted)
+    if odd:
+        return Finding("lever arm", Verdict.LOOK, odd[0], "measure gnss.lever_arm_m again", figures=figures)
     if length > LONG_ARM_M:
         verdict = Verdict.WRONG if length > 20.0 * ABSURD_ARM_M else Verdict.LOOK
         return Finding("lever arm", verdict, f"{text}: long for a vehicle",
                        "gnss.lever_arm_m is in metres, forward, right, down", figures=figures)  # fmt: skip
     if arm[2] > 1.0:
-        return Finding("lever arm", Verdict.LOOK, f"{text}, {arm[2]:.3g} m of it down: the antenna would be below the IMU",
+        return Finding("lever arm", Verdict.LOOK, f"{text}, {arm[2]:.3g} m of it down: the antenna below the IMU",
                        "up is negative in gnss.lever_arm_m", figures=figures)  # fmt: skip
     return Finding("lever arm", Verdict.OK, text, figures=figures)
 

@@ -48,10 +48,8 @@ def quick_check(imu: ImuLog, gnss: GnssLog | None) -> list[str]:
     if overlap.met and overlap.finding.verdict is Verdict.WRONG and not overlap.finding.remedy.endswith("a guess"):
         raise InputError(f"{imu.source}, {gnss.source}: {overlap.finding.text}")
     names = ("sd_north_m", "sd_east_m", "sd_down_m")
-    for one in check_sigmas(gnss, gnss.sd_position, names):
-        if one.verdict is Verdict.LOOK:
-            notes.append(f"{gnss.source}: {one.text}")
-    return notes
+    doubts = [one for one in check_sigmas(gnss, gnss.sd_position, names) if one.verdict is Verdict.LOOK]
+    return notes + [f"{gnss.source}: {one.text}" for one in doubts]
 
 
 def _stuck(imu: ImuLog, values: Array, sensor: str) -> list[str]:
@@ -73,11 +71,11 @@ def _stuck(imu: ImuLog, values: Array, sensor: str) -> list[str]:
         found = f"{imu.source}: the {sensor} along {'xyz'[k]} of the vehicle stays at {block[0, k]:.6g}"
         if length == sample.shape[0]:
             raise InputError(
-                f"{found} in all rows while the other {sensor}s change: the axis is dead or stuck; check the sensor and "
-                "the export"
+                f"{found} in all rows while the other {sensor}s change: the axis is dead or stuck; check the "
+                "sensor and the export"
             )
         notes.append(
-            f"{found} for {seconds:.4g} s from {imu.time[first]:.6g} s on while the other {sensor}s change: the axis is "
-            "stuck there"
+            f"{found} for {seconds:.4g} s from {imu.time[first]:.6g} s on while the other {sensor}s change: the "
+            "axis is stuck there"
         )
     return notes

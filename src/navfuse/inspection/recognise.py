@@ -106,7 +106,7 @@ class Recognised:
     fault: str = ""
 
     def renames(self, wanted: Sequence[Field], units: Mapping[str, str]) -> list[str]:
-        """ "'acc_x' to 'accel_x_mps2'" for each column that no reader takes, by the units given per base name."""
+        """Pairs such as 'acc_x' to 'accel_x_mps2' of each column that no reader takes, by the units given."""
         told = []
         for one in wanted:
             column = self.columns.get(one.base)
