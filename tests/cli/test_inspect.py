@@ -52,7 +52,8 @@ def test_what_is_certainly_wrong_ends_with_1_and_the_message_at_the_end(navfuse,
 def test_json_holds_every_finding(navfuse, drive):
     code, out, _ = navfuse("inspect", drive / "gnss.csv", "--json")
     found = json.loads(out)
-    assert code == 0 and found["files"][0]["role"] == "gnss"
+    assert code == 0
+    assert found["files"][0]["role"] == "gnss"
     checks = {one["check"]: one for one in found["files"][0]["findings"]}
     assert checks["rate"]["figures"]["rate_hz"] == pytest.approx(1.0)
     assert {one["verdict"] for one in checks.values()} <= {"ok", "look", "wrong", "cannot tell"}
@@ -63,7 +64,8 @@ def test_a_draft_is_a_project_with_reasons(navfuse, drive, tmp_path):
     code, _, _ = navfuse("inspect", drive / "imu.parquet", drive / "gnss.csv", "--draft", draft)
     assert code == 0
     project = tomllib.loads(draft.read_text())
-    assert project["imu"]["axes"] == "FRD" and project["imu"]["file"] == (drive / "imu.parquet").as_posix()
+    assert project["imu"]["axes"] == "FRD"
+    assert project["imu"]["file"] == (drive / "imu.parquet").as_posix()
     assert abs(project["imu"]["time_offset_s"]) < 0.05
     assert project["gnss"]["lever_arm_m"] == [0.0, 0.0, 0.0]
     lines = draft.read_text().splitlines()
@@ -76,13 +78,15 @@ def test_a_draft_replaces_nothing(navfuse, drive, tmp_path):
     draft = tmp_path / "mine.toml"
     draft.write_text("[imu]\n")
     code, _, err = navfuse("inspect", drive / "imu.parquet", "--draft", draft)
-    assert code == 1 and "is there already" in err
+    assert code == 1
+    assert "is there already" in err
     assert draft.read_text() == "[imu]\n"
 
 
 def test_a_draft_needs_an_inertial_log(navfuse, drive, tmp_path):
     code, _, err = navfuse("inspect", drive / "gnss.csv", "--draft", tmp_path / "new.toml")
-    assert code == 1 and "no draft without an inertial log" in err
+    assert code == 1
+    assert "no draft without an inertial log" in err
 
 
 def test_no_file_is_wrong_usage(navfuse):

@@ -83,7 +83,8 @@ def test_semicolons_and_decimal_commas_are_read(tmp_path):
 
 def test_a_static_record_is_judged(shared_data):
     (report,) = navfuse.inspect(shared_data / "adis16405-static" / "adis_16405_imu1.npz").files
-    assert report.role == "imu" and verdicts(report, Verdict.LOOK) == verdicts(report, Verdict.WRONG) == []
+    assert report.role == "imu"
+    assert verdicts(report, Verdict.LOOK) == verdicts(report, Verdict.WRONG) == []
     assert report.finding("rate").figures["rate_hz"] == pytest.approx(100.0)
     assert "up is -z" in report.finding("axes").message
 

@@ -289,9 +289,9 @@ def _velocity(rows: GnssRows, names: GnssNames, source: str) -> Finding:
     if notes:
         radian = _angle_in_radians(rows, names, source)
         if radian:
-            return Finding("velocity", Verdict.WRONG, f"{without_source(notes[0], source).partition('; are columns')[0]}; "
-                           "they "
-                           f"would agree if '{radian}' held radians", f"rename '{radian}' to end in _rad")  # fmt: skip
+            fault = without_source(notes[0], source).partition("; are columns")[0]
+            message = f"{fault}; they would agree if '{radian}' held radians"
+            return Finding("velocity", Verdict.WRONG, message, f"rename '{radian}' to end in _rad")
         return Finding("velocity", Verdict.LOOK, "; ".join(without_source(note, source) for note in notes),
                        "check units and signs of these columns")  # fmt: skip
     fast = float(np.percentile(speed, 99.0))

@@ -26,6 +26,8 @@ Array = np.ndarray
 
 TILTED = np.radians(30.0)
 SURE = 0.6
+ARM_CORRELATION = 0.99
+"""Below it (a boat in waves) the arm that the turns show is not to be trusted."""
 LONG_ARM_M, ABSURD_ARM_M = 5.0, 50.0
 _RADIUS = 6371e3
 
@@ -57,7 +59,7 @@ def check_pair(imu: ImuLog, gnss: GnssLog, declared: Declared) -> list[Finding]:
     body = axes.axes or declared.axes
     matrix = body_from_file(body, declared.rotation if body == "FRD" else None)
     fitted = None
-    if clocks.correlation is not None and axes.axes is not None:
+    if clocks.correlation is not None and clocks.correlation > ARM_CORRELATION and axes.axes is not None:
         fitted = fit_lever_arm(replace(placed, gyro=placed.gyro @ matrix.T, accel=placed.accel @ matrix.T), gnss)
     found.append(check_lever_arm(declared, fitted))
     return found
