@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from navfuse.io.result_folder import read_result
     from navfuse.io.trajectory_table import read_trajectory
     from navfuse.pipeline import process
+    from navfuse.project_inspection import inspect
     from navfuse.report.figures_files import plot
     from navfuse.scenario_files import simulate_scenario
 
@@ -71,6 +72,7 @@ _HOMES = {
     "compare": "navfuse.analysis.metrics",
     "compare_filters": "navfuse.comparison",
     "export": "navfuse.export_files",
+    "inspect": "navfuse.project_inspection",
     "load_project": "navfuse.config",
     "plot": "navfuse.report.figures_files",
     "process": "navfuse.pipeline",
@@ -101,6 +103,7 @@ __all__ = [
     "compare_filters",
     "export",
     "figures",
+    "inspect",
     "load_project",
     "plot",
     "process",

@@ -40,6 +40,7 @@ from navfuse.imu.gaps import change_over, gap_limit, without_false_start
 from navfuse.imu.increments import ImuIncrements, to_increments
 from navfuse.imu.overview import imu_overview
 from navfuse.imu.turning import check_turns
+from navfuse.inspection.quick import quick_check
 from navfuse.io.gnss_table import read_gnss
 from navfuse.io.imu_table import read_imu
 from navfuse.smoothers.rts import SmoothedRun, smooth
@@ -351,6 +352,9 @@ def prepare(project: Project, sensors: tuple[AidingSensor, ...], clock: Clock) -
     with clock("read"):
         imu, gnss = read_logs(project)
     _warn_of_idle_outages(gnss, project)
+    with clock("inspection"):
+        for note in quick_check(imu, gnss):
+            _warn(note)
     with clock("increments"):
         increments = cut(to_increments(imu, gap_limit(imu.time)), project.filter.until_s)
         increments = without_false_start(increments)

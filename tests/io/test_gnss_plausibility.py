@@ -97,7 +97,7 @@ def test_kmph_in_a_mps_column():
     *position, velocity = drive()
     (note,) = check_velocity_units(*position, velocity * (3.6, 3.6, 1.0), VELOCITY, "f")
     assert "column 'vn_mps', 've_mps': the positions move 0.28 times as fast" in note
-    assert "is a unit wrong or are columns exchanged?" in note
+    assert "are they km/h?" in note
 
 
 def test_noise_and_outliers_raise_no_suspicion():

@@ -15,7 +15,20 @@ from typing import Annotated
 import typer
 
 from navfuse import __version__
-from navfuse.cli import allan, compare, compare_filters, config, demo, export, montecarlo, noise, plot, run, simulate
+from navfuse.cli import (
+    allan,
+    compare,
+    compare_filters,
+    config,
+    demo,
+    export,
+    inspect,
+    montecarlo,
+    noise,
+    plot,
+    run,
+    simulate,
+)
 from navfuse.errors import NavfuseError, NavfuseWarning
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -29,6 +42,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.command("run", short_help="Process a project: IMU and GNSS logs to a trajectory.")(run.run)
+app.command("inspect", short_help="Look at logs before a run: formats, units, axes, clocks; draft a project.")(
+    inspect.inspect
+)
 app.command("demo", short_help="Simulate a short drive, process it, show how it went.")(demo.demo)
 app.command("compare", short_help="Compare a trajectory with a truth.")(compare.compare)
 app.command("compare-filters", short_help="Run a project with several estimators, side by side.")(

@@ -62,6 +62,8 @@ class TimeOffset:
         Why nothing can be said; None where `offset` is given.
     notes : tuple of str
         What looks odd, such as velocities that tell another offset than positions.
+    by_positions, by_velocities : float [s] or None
+        The two offsets where positions and velocities of the fixes contradict each other.
     """
 
     offset: float | None
@@ -71,6 +73,8 @@ class TimeOffset:
     used: str
     reason: str | None
     notes: tuple[str, ...] = ()
+    by_positions: float | None = None
+    by_velocities: float | None = None
 
 
 def estimate_time_offset(imu: ImuLog, gnss: GnssLog, *, search_s: float = 5.0) -> TimeOffset:
@@ -219,4 +223,10 @@ def _chosen(told: dict[bool, TimeOffset]) -> TimeOffset:
         f"by positions {by_positions:+.3f} s is to be added to the inertial stamps, by velocities"
         f" {by_velocities:+.3f} s: the velocities look {abs(apart):.3f} s {'late' if apart > 0.0 else 'early'}"
     )
-    return replace(best, sd=float(np.hypot(good[best is told[True]][1], 0.5 * apart)), notes=(*best.notes, note))
+    return replace(
+        best,
+        sd=float(np.hypot(good[best is told[True]][1], 0.5 * apart)),
+        notes=(*best.notes, note),
+        by_positions=by_positions,
+        by_velocities=by_velocities,
+    )

@@ -73,7 +73,12 @@ def check_turns(increments: ImuIncrements, gnss: GnssLog) -> list[str]:
         If the gyroscopes turn the other way, or by another unit.
     """
     fit = fit_turns(increments, gnss)
-    if fit is None or abs(fit.correlation) < ALIKE or fit.turn < LEAST_TURN:
+    return [] if fit is None else check_fit(fit)
+
+
+def check_fit(fit: TurnFit) -> list[str]:
+    """As :func:`check_turns`, of a comparison that is done."""
+    if abs(fit.correlation) < ALIKE or fit.turn < LEAST_TURN:
         return []
     if fit.ratio < 0.0:
         raise InputError(

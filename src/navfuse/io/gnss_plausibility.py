@@ -22,6 +22,7 @@ _ALIKE = 0.9
 _SPAN = 10.0
 _APART = 2.0
 _WILDLY_APART = 20.0
+_SPEED_UNITS = {"km/h": 1.0 / 3.6, "knots": 1852.0 / 3600.0, "ft/s": 0.3048, "cm/s": 0.01, "mm/s": 0.001}
 _FITS = 0.25
 """Distance of velocity and motion over the motion, up to which they agree."""
 
@@ -132,6 +133,8 @@ def check_velocity_units(
             cause = (
                 "is up positive instead of down, or the sign wrong"
                 if ratio < 0.0
+                else f"are they {likely}"
+                if (likely := _speed_unit(ratio))
                 else "is a unit wrong or are columns exchanged"
             )
             notes.append(
@@ -149,6 +152,11 @@ def check_velocity_units(
         if apart > _APART + 0.3 * moved:
             notes.append(fault)
     return notes
+
+
+def _speed_unit(ratio: float) -> str:
+    """The unit of speed of which m/s is this part, "" if it is none."""
+    return next((unit for unit, size in _SPEED_UNITS.items() if abs(ratio / size - 1.0) < 0.08), "")
 
 
 def _refuse_exchange(

@@ -162,7 +162,7 @@ def gnss_log(
     """
     index = np.flatnonzero(~_empty_rows(rows, source, where, notes, sparse))
     rows = rows.take(index)
-    _check_range(rows, names, source, lambda row: where(int(index[row])))
+    check_range(rows, names, source, lambda row: where(int(index[row])))
     order = time_order(rows.time, names.time, source, lambda row: where(int(index[row])))
     if order is not None:
         kept = order.order[order.first]
@@ -222,7 +222,8 @@ def _empty_rows(rows: GnssRows, source: str, where: Where, notes: list[str], spa
     return empty
 
 
-def _check_range(rows: GnssRows, names: GnssNames, source: str, where: Where) -> None:
+def check_range(rows: GnssRows, names: GnssNames, source: str, where: Where) -> None:
+    """Refuse latitudes beyond a pole and longitudes beyond -180..360 deg; parameters as in :func:`gnss_log`."""
     flawed = np.abs(rows.lat) > np.pi / 2.0
     if flawed.any():
         row = int(np.argmax(flawed))

@@ -63,13 +63,13 @@ def check_imu_units(
     sample = slice(1, None, max(1, (time.size - 1) // 20000))
     steps = np.diff(time)[:: sample.step]
     step = float(np.median(steps))
-    notes = _check_step(step, columns[0], source)
+    notes = check_step(step, columns[0], source)
     interval = steps[:, None] if kind == "increments" else 1.0
     force = float(np.median(np.linalg.norm(accel[sample], axis=1)))
     force_rate = float(np.median(np.linalg.norm(accel[sample] / interval, axis=1)))
     turn = np.linalg.norm(gyro[sample] / interval, axis=1)
-    notes += _check_accel(force, force_rate, step, kind, columns, source)
-    notes += _check_gyro(turn, time, gyro, accel, kind, columns, source)
+    notes += check_accel(force, force_rate, step, kind, columns, source)
+    notes += check_gyro(turn, time, gyro, accel, kind, columns, source)
     return notes
 
 
@@ -158,7 +158,8 @@ def _rotation_matrices(vectors: Array) -> Array:
     return np.eye(3) + np.sinc(angle / np.pi) * skew + 0.5 * half_sinc**2 * (skew @ skew)
 
 
-def _check_step(step: float, column: str, source: str) -> list[str]:
+def check_step(step: float, column: str, source: str) -> list[str]:
+    """Judge the median `step` [s] between the stamps of an inertial log; as :func:`check_imu_units`."""
     if 1e-5 <= step <= 0.5:
         return []
     advice = f"is '{column}' in the unit its name says (_s, _ms, _us, _ns)?"
@@ -169,9 +170,20 @@ def _check_step(step: float, column: str, source: str) -> list[str]:
     return [f"{source}: the IMU rows are {step:.3g} s apart (median), which is slow for an inertial sensor; {advice}"]
 
 
-def _check_accel(
+def check_accel(
     force: float, force_rate: float, step: float, kind: str, columns: Sequence[str], source: str
 ) -> list[str]:
+    """Judge the unit of the accelerometers; as :func:`check_imu_units`.
+
+    Parameters
+    ----------
+    force, force_rate : float
+        Median magnitude of the rows [m/s^2] or [m/s], and of what they are per second [m/s^2].
+    step : float [s]
+        Median step of the stamps.
+    kind, columns, source
+        As in :func:`check_imu_units`.
+    """
     names = ", ".join(columns[4:])
     base = columns[4].split("_")[0]
     if 0.5 * _G <= force_rate <= 2.0 * _G:
@@ -204,9 +216,18 @@ def _check_accel(
     return [f"{fault}; check the unit of these columns"]
 
 
-def _check_gyro(
+def check_gyro(
     turn: Array, time: Array, gyro: Array, accel: Array, kind: str, columns: Sequence[str], source: str
 ) -> list[str]:
+    """Judge the unit of the gyros; as :func:`check_imu_units`.
+
+    Parameters
+    ----------
+    turn : (m,) array [rad/s]
+        Magnitude of the rate in some of the rows.
+    time, gyro, accel, kind, columns, source
+        As in :func:`check_imu_units`.
+    """
     names = ", ".join(columns[1:4])
     base = columns[1].split("_")[0]
     degrees = "degps" if kind == "rates" else "deg"

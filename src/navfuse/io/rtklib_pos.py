@@ -21,6 +21,7 @@ from navfuse.data.logs import GnssLog
 from navfuse.errors import InputError
 from navfuse.io.gnss_rows import UNSTATED, GnssNames, GnssRows, StatedSigmas, gnss_log
 from navfuse.io.gps_time import DAY, WEEK, days_since_epoch, leap_seconds
+from navfuse.io.tables import Where
 
 Array = np.ndarray
 
@@ -129,13 +130,30 @@ def _log(
     epoch: tuple[int, float] | None,
     used: Callable[[GnssRows], tuple[GnssRows, StatedSigmas]],
 ) -> GnssLog:
-    source = str(path)
     notes: list[str] = []
-    layout, days, seconds, lines, data = _read_lines(path, source, notes)
+    rows, names, where, start = _parsed(path, notes, time_offset_s, epoch)
+    rows, stated = used(rows)
+    return replace(gnss_log(rows, names, str(path), where, notes, stated), epoch=start)
+
+
+def rtklib_rows(
+    path: Path, notes: list[str], time_offset_s: float = 0.0, epoch: tuple[int, float] | None = None
+) -> tuple[GnssRows, GnssNames, Where]:
+    """The rows of an RTKLIB solution file before any check of their values; notes are appended to `notes`.
+
+    Parameters, layouts and errors as in :func:`parse_rtklib_pos`.
+    """
+    return _parsed(path, notes, time_offset_s, epoch)[:3]
+
+
+def _parsed(
+    path: Path, notes: list[str], time_offset_s: float, epoch: tuple[int, float] | None
+) -> tuple[GnssRows, GnssNames, Where, GpsEpoch]:
+    layout, days, seconds, lines, data = _read_lines(path, str(path), notes)
     week, tow = start = (
         GpsEpoch(int((days[0] * DAY + seconds[0]) // WEEK), 0.0) if epoch is None else GpsEpoch.of(*epoch)
     )
-    rows, stated = used(_rows((days - 7 * week) * DAY + (seconds - tow) + time_offset_s, data, layout))
+    rows = _rows((days - 7 * week) * DAY + (seconds - tow) + time_offset_s, data, layout)
     ecef = layout.is_ecef
     names = GnssNames(
         "time",
@@ -144,8 +162,7 @@ def _log(
         velocity=("vx", "vy", "vz") if ecef else ("vn", "ve", "vu"),
         sd_velocity=("sdvx", "sdvy", "sdvz") if ecef else ("sdvn", "sdve", "sdvu"),
     )
-    log = gnss_log(rows, names, source, lambda row: f"line {lines[row]}", notes, stated)
-    return replace(log, epoch=start)
+    return rows, names, lambda row: f"line {lines[row]}", start
 
 
 def _read_lines(path: Path, source: str, notes: list[str]) -> tuple[_Layout, Array, Array, list[int], Array]:

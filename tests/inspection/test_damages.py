@@ -1,0 +1,116 @@
+"""Every fault is found and named by the check that is for it, and nothing is found in clean logs."""
+
+from __future__ import annotations
+
+import pytest
+from tests.inspection import damages
+from tests.inspection.damages import negated, read_columns, sigmas, write
+
+from navfuse.inspection.findings import Inspection, Verdict
+from navfuse.inspection.inspect import inspect
+
+CASES = {
+    "degrees": (damages.degrees, "gyro unit", "deg"),
+    "g": (damages.g_units, "accelerometer unit", "in g"),
+    "FLU": (damages.flu, "axes", "imu.axes"),
+    "IMU late": (damages.late, "time offset", "too late"),
+    "GNSS late": (damages.gnss_late, "time offset", "too early"),
+    "sigmas large": (sigmas(100.0), "position sigmas", "too large"),
+    "sigmas small": (sigmas(0.01), "position sigmas", "too small"),
+    "stuck": (damages.stuck, "stuck channel", "stays at"),
+    "dead": (damages.dead, "stuck channel", "dead or stuck"),
+    "places exchanged": (damages.exchanged_places, ("velocity", "position"), "exchanged"),
+    "kind": (damages.other_kind, "accelerometer unit", "increments"),
+    "rollover": (damages.rollover, "rollover", "604800"),
+    "week apart": (damages.week_apart, "overlap", "1 week"),
+    "1024 weeks": (damages.weeks_1024, "overlap", "1024"),
+    "leap seconds": (damages.leap_seconds, "time offset", "18 s apart"),
+    "Unix time": (damages.unix, "overlap", "Unix"),
+    "gap": (damages.gap, "gaps", "60"),
+    "GNSS gap": (damages.gnss_gap, "gaps", "6"),
+    "sensors exchanged": (damages.exchanged_sensors, "columns", "exchanged"),
+    "gravity down": (damages.all_negated, "handedness", "all three"),
+    "gyro order": (damages.gyro_order, "gyro order", "correct the gyro columns"),
+    "heading gyro negated": (negated(2), "handedness", "sign of a gyro"),
+    "roll gyro negated": (negated(0), "signs", "gyro x"),
+    "pitch gyro negated": (negated(1), "signs", "gyro y"),
+    "accelerometer negated": (negated(4), "handedness", "left-handed"),
+    "km/h": (damages.speeds_kmph, "velocity", "km/h"),
+    "radians": (damages.radians, "position", "radians"),
+    "latitude in radians": (damages.latitude_in_radians, "velocity", "held radians"),
+    "west positive": (damages.west_positive, "velocity", "longitude"),
+    "milliseconds": (damages.milliseconds, "time unit", "milliseconds"),
+    "GNSS milliseconds": (damages.gnss_milliseconds, "time unit", "milliseconds"),
+    "decreasing": (damages.decreasing, "stamps", "decrease"),
+    "NaN": (damages.nan_column, "values", "holds no number"),
+    "1 Hz": (damages.every_second, "rate", "slow"),
+    "zero sigmas": (damages.zero_sigmas, "position sigmas", "perfect"),
+    "clipped": (damages.clipped, "saturation", "clipped"),
+    "copied": (damages.twice, "columns", "copy"),
+}
+"""What was done -> who has to find it, and a word of how it is called."""
+
+
+def told(found: Inspection, checks: str | tuple[str, ...]) -> str:
+    """What these checks said that is not fine."""
+    checks = (checks,) if isinstance(checks, str) else checks
+    return " ".join(
+        one.text for one in found.findings if one.check in checks and one.verdict in (Verdict.LOOK, Verdict.WRONG)
+    )
+
+
+def complaints(found: Inspection) -> list[str]:
+    return [f"{one.check}: {one.text}" for one in found.findings if one.verdict in (Verdict.LOOK, Verdict.WRONG)]
+
+
+QUICK = ("degrees", "g", "FLU", "IMU late", "sigmas large", "stuck", "kind", "rollover", "leap seconds", "gravity down")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CASES]
+)
+def test_a_fault_of_a_simulated_drive_is_named(name, city_tables, tmp_path):
+    damage, checks, word = CASES[name]
+    imu, gnss = (dict(columns) for columns in city_tables)
+    damage(imu, gnss)
+    found = inspect(write(tmp_path, imu, gnss))
+    assert word in told(found, checks), complaints(found)
+
+
+def test_nothing_is_found_in_the_clean_drive(city):
+    found = inspect([city / "imu.parquet", city / "gnss.csv", city / "odometer.csv", city / "truth.parquet"])
+    assert complaints(found) == []
+    assert [report.role for report in found.files] == ["imu", "gnss", "odometer", "truth"]
+
+
+REAL = [
+    "degrees", "g", "FLU", "IMU late", "sigmas large", "sigmas small", "stuck", "places exchanged", "kind", "rollover",
+    "gap",
+]  # fmt: skip
+LOGS = {
+    "car-1h-200hz": {"axes": "FRD", "fine": ()},
+    "rtklibexplorer-drive": {"axes": "BRU", "fine": ("axes", "time offset")},
+}
+
+
+@pytest.mark.parametrize(
+    "log", [pytest.param(log, marks=pytest.mark.slow if log.startswith("car") else ()) for log in LOGS]
+)
+def test_the_shared_drives_are_clean(log, shared_data):
+    """But for what has to be set: the axes and the late stamps of the real one."""
+    found = inspect([shared_data / log / "imu.parquet", shared_data / log / "gnss.csv"])
+    assert [text for text in complaints(found) if not text.startswith(LOGS[log]["fine"])] == []
+    assert found.settings["imu.axes"] == LOGS[log]["axes"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize("log", LOGS)
+def test_a_fault_of_a_shared_drive_is_named(log, name, shared_data, tmp_path):
+    damage, checks, word = CASES[name]
+    imu, gnss = read_columns(shared_data / log / "imu.parquet"), read_columns(shared_data / log / "gnss.csv")
+    damage(imu, gnss)
+    found = inspect(write(tmp_path, imu, gnss))
+    if (log, name) == ("rtklibexplorer-drive", "FLU"):
+        assert found.settings["imu.axes"] == "BLD"
+    assert word in told(found, checks), complaints(found)
