@@ -98,14 +98,10 @@ def _opener(browser: Browser) -> Iterator[Open]:
     opened: list[Visit] = []
 
     def open_page(path: Path, *, phone: bool = False, dark: bool = False, **options: Any) -> Visit:
-        context = browser.new_context(
-            viewport=PHONE if phone else DESKTOP,
-            has_touch=phone,
-            is_mobile=phone,
-            device_scale_factor=2 if phone else 1,
-            color_scheme="dark" if dark else "light",
-            **options,
-        )
+        usual: dict[str, Any] = {"viewport": DESKTOP, "color_scheme": "dark" if dark else "light"}
+        if phone:
+            usual |= {"viewport": PHONE, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
+        context = browser.new_context(**usual | options)
         opened.append(Visit(context, path))
         return opened[-1]
 

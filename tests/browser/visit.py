@@ -46,17 +46,46 @@ class Visit:
         self.events.append(f"dialog: {dialog.message}")
         dialog.dismiss()
 
+    def until(self, condition: str, given: Any = None) -> None:
+        """Wait for a JavaScript function of `given` to be true, whatever the page's rate of drawing."""
+        self.page.evaluate(
+            """async ([condition, given, patience]) => {
+              const holds = eval(condition), end = performance.now() + patience;
+              while (!holds(given)) {
+                if (performance.now() > end) throw new Error(`never came true: ${condition} of ${JSON.stringify(given)}`);
+                await new Promise((resolve) => setTimeout(resolve, 20));
+              }
+            }""",
+            [condition, given, PATIENCE_MS],
+        )
+
     def ready(self) -> Visit:
         """Wait until the page says that its plots are ready."""
-        self.page.wait_for_selector("body[data-ready]", state="attached")
+        self.until("() => document.body && document.body.dataset.ready !== undefined")
         assert self.page.evaluate("document.body.dataset.ready") == "yes", self.page.inner_text("#message")
         return self
 
     def whole_run(self) -> Visit:
         """Go back to what the page shows first."""
-        self.page.evaluate("scrollTo(0, 0)")
-        self.page.click("#all")
+        self.page.evaluate("scrollTo(0, 0); document.getElementById('all').click()")
         return self
+
+    def map(self) -> Chart:
+        """The map."""
+        return Chart(self, "#map [role=img]")
+
+    def charts(self) -> list[Chart]:
+        """Every plot but the map, in page order."""
+        count = self.page.locator("[data-panel]").count()
+        return [Chart(self, f"[data-panel='{k}']") for k in range(count)]
+
+    def time_charts(self) -> list[Chart]:
+        """The plots over the time of the run, drawn."""
+        return [chart for chart in self.charts() if chart.show().over_time]
+
+    def span(self) -> tuple[float, float]:
+        """What the fields say is shown [s]."""
+        return float(self.page.input_value("#from")), float(self.page.input_value("#to"))
 
     def overflow(self) -> list[str]:
         """What reaches beyond the right edge without a container that scrolls."""
@@ -76,16 +105,20 @@ class Visit:
 class Chart:
     """One plot of a report: the map or a panel."""
 
-    def __init__(self, visit: Visit, box: Locator) -> None:
-        self.visit, self.page, self.box = visit, visit.page, box
-        self.title = box.get_attribute("aria-label") or ""
+    def __init__(self, visit: Visit, selector: str) -> None:
+        self.visit, self.page, self.selector = visit, visit.page, selector
+        self.box: Locator = visit.page.locator(selector)
+        self.title = self.box.get_attribute("aria-label") or ""
 
     def show(self) -> Chart:
         """Bring it into view and wait until it is drawn."""
-        self.box.scroll_into_view_if_needed()
-        handle = self.box.element_handle()
-        self.page.wait_for_function("box => box.dataset.drawn === 'yes' && box._fullLayout", arg=handle)
+        self.box.evaluate("box => box.scrollIntoView({ block: 'center' })")
+        self.until("box => box.dataset.drawn === 'yes'")
         return self
+
+    def until(self, condition: str) -> None:
+        """Wait for a JavaScript function of the plot's element to be true."""
+        self.visit.until(f"selector => ({condition})(document.querySelector(selector))", self.selector)
 
     def frame(self) -> dict[str, float]:
         """Where its axes lie in the window [px], and what they span; x in the unit of the axis."""
@@ -107,24 +140,59 @@ class Chart:
         frame = self.frame()
         return frame["from"], frame["to"]
 
-    def point(self, across: float, down: float = 0.5) -> tuple[float, float]:
-        """A place in the plot by fractions of its width and height, in the window [px]."""
+    def wait_for(self, span: tuple[float, float], tolerance: float = 0.006) -> None:
+        """Wait until the x axis spans this."""
+        self.until(
+            f"box => box._fullLayout.xaxis.range.every((x, k) => Math.abs(Number(x) - {list(span)}[k]) <= {tolerance})"
+        )
+
+    def points(self) -> int:
+        """Number of points in the curves that are shown."""
+        return self.box.evaluate(
+            "box => box.data.reduce((n, curve) => n + (curve.visible === false ? 0 : curve.x.length), 0)"
+        )
+
+    def place_at(self, time: float) -> tuple[float, float]:
+        """On the map, where the best track is at a time of the log, in the window [px]."""
+        return tuple(
+            self.box.evaluate(
+                """(box, time) => {
+                  const tracks = box.data.filter((curve) => curve.mode === "lines" && curve.customdata);
+                  const best = tracks.find((curve) => /smooth/.test(curve.name)) || tracks[0], t = best.customdata;
+                  const k = Math.max(1, t.findIndex((value) => value >= time)), part = (time - t[k - 1]) / (t[k] - t[k - 1]);
+                  const at = box.getBoundingClientRect(), { xaxis, yaxis } = box._fullLayout;
+                  const along = (values) => values[k - 1] + part * (values[k] - values[k - 1]);
+                  return [at.left + xaxis._offset + xaxis.d2p(along(best.x)), at.top + yaxis._offset + yaxis.d2p(along(best.y))];
+                }""",
+                time,
+            )
+        )
+
+    def legend(self) -> Locator:
+        """Its legend's buttons."""
+        return self.box.locator("xpath=ancestor::figure").locator(".legend button")
+
+    def point(self, across: float, down: float = 0.1) -> tuple[float, float]:
+        """A place in the plot by fractions of its width and height, brought to the middle of the window [px]."""
+        self.page.evaluate("y => scrollBy(0, y - innerHeight / 2)", self._at(across, down)[1])
+        return self._at(across, down)
+
+    def _at(self, across: float, down: float) -> tuple[float, float]:
         frame = self.frame()
         return frame["left"] + across * frame["width"], frame["top"] + down * frame["height"]
 
     def drag(self, start: float, end: float) -> None:
         """Drag the mouse from one fraction of the width to another."""
-        self.box.scroll_into_view_if_needed()
-        down = self.visible_fraction()
-        self.page.mouse.move(*self.point(start, down))
+        x, y = self.point(start)
+        span = (end - start) * self.frame()["width"]
+        self.page.mouse.move(x, y)
         self.page.mouse.down()
-        self.page.mouse.move(*self.point(0.5 * (start + end), down), steps=3)
-        self.page.mouse.move(*self.point(end, down), steps=3)
+        self.page.mouse.move(x + 0.5 * span, y, steps=3)
+        self.page.mouse.move(x + span, y, steps=3)
         self.page.mouse.up()
 
-    def hover(self, across: float, down: float | None = None) -> None:
-        """Put the mouse on a fraction of the width; plotly needs two moves to notice."""
-        self.box.scroll_into_view_if_needed()
-        down = self.visible_fraction() if down is None else down
-        self.page.mouse.move(*self.point(across, down))
-        self.page.mouse.move(*self.point(across + 0.001, down))
+    def hover(self, across: float, down: float = 0.1) -> None:
+        """Put the mouse on a place; plotly takes a second move to notice."""
+        x, y = self.point(across, down)
+        self.page.mouse.move(x - 3.0, y)
+        self.page.mouse.move(x, y)

@@ -1,0 +1,141 @@
+"""The report of a run in a browser: it draws everything, says nothing on the console, asks for nothing, and its plots move together."""
+
+from __future__ import annotations
+
+import pytest
+
+from browser.cases import CASES
+from browser.visit import Chart, Visit
+
+QUICK = ("drive", "all-rejected")
+TALL = {"width": 1280, "height": 7000}
+"""Everything is in view at once, so that every plot follows at once."""
+
+
+@pytest.fixture(
+    scope="module", params=[name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
+)
+def report(request, visits, case_page) -> Visit:
+    """The page of a case; each test begins with the whole run shown."""
+    return visits(case_page(request.param), viewport=TALL).ready()
+
+
+@pytest.fixture
+def charts(report) -> list[Chart]:
+    """The plots over time, the whole run in them."""
+    return report.whole_run().time_charts()
+
+
+def assert_all_show(charts, span):
+    """The fields and every plot over time span the same."""
+    for chart in charts:
+        chart.wait_for(span)
+    assert charts[0].visit.span() == pytest.approx(span, abs=0.006)
+
+
+def test_every_figure_is_drawn_or_says_why_not(report):
+    figures = report.page.locator("main figure").all()
+    assert len(figures) >= 5
+    for figure in figures:
+        if not figure.locator("[role=img]").count():
+            assert len(figure.locator(".empty").inner_text()) > 10
+    for chart in (report.map(), *report.charts()):
+        assert chart.show().points() > 0, chart.title
+        assert "NaN" not in chart.box.evaluate(
+            "box => [...box.querySelectorAll('path')].map((p) => p.getAttribute('d')).join()"
+        )
+
+
+def test_dragging_in_one_plot_zooms_all(report, charts):
+    start, end = report.span()
+    chart = charts[len(charts) // 2].show()
+    chart.drag(0.25, 0.6)
+    expected = start + 0.25 * (end - start), start + 0.6 * (end - start)
+    tolerance = 2.0 * (end - start) / chart.frame()["width"]
+    chart.wait_for(expected, tolerance)
+    assert_all_show(charts, chart.range())
+
+
+def test_a_double_click_shows_everything_again(report, charts):
+    whole = report.span()
+    chart = charts[0].show()
+    chart.drag(0.3, 0.5)
+    assert chart.range() != pytest.approx(whole, abs=0.01)
+    report.page.mouse.dblclick(*chart.point(0.5))
+    chart.wait_for(whole)
+    assert_all_show(charts, whole)
+
+
+def test_the_fields_zoom_by_keyboard_alone(report, charts):
+    start, end = report.span()
+    span = round(start + 0.4 * (end - start), 2), round(start + 0.7 * (end - start), 2)
+    keyboard = report.page.keyboard
+    report.page.focus("#from")
+    keyboard.press("Control+A")
+    keyboard.type(f"{span[0]:.2f}")
+    keyboard.press("Tab")
+    assert report.page.evaluate("document.activeElement.id") == "to"
+    keyboard.press("Control+A")
+    keyboard.type(f"{span[1]:.2f}")
+    keyboard.press("Enter")
+    assert_all_show(charts, span)
+    while report.page.evaluate("document.activeElement.id") != "all":
+        keyboard.press("Tab")
+    keyboard.press("Enter")
+    assert_all_show(charts, (start, end))
+
+
+@pytest.mark.parametrize(("first", "last"), [("", ""), ("-1e9", "1e9"), ("9e99", "-9e99")])
+def test_nonsense_in_the_fields_changes_nothing_and_goes_away(report, charts, first, last):
+    whole = charts[0].range()
+    for field, text in (("#from", first), ("#to", last)):
+        report.page.fill(field, text)
+        report.page.press(field, "Enter")
+    report.until("() => document.getElementById('from').value !== '' && document.getElementById('to').value !== ''")
+    assert_all_show(charts, whole)
+
+
+def test_a_legend_hides_and_shows_its_curve(report, charts):
+    for chart in (charts[0], report.map()):
+        chart.show()
+        button = chart.legend().first
+        drawn = chart.points()
+        button.focus()
+        report.page.keyboard.press("Space")
+        assert button.get_attribute("aria-pressed") == "false"
+        assert chart.points() < drawn
+        report.page.keyboard.press("Space")
+        assert button.get_attribute("aria-pressed") == "true"
+        assert chart.points() == drawn
+
+
+def test_pointing_at_a_time_plot_marks_the_place_on_the_map(report, charts):
+    span = charts[0].range()
+    charts[0].hover(0.4)
+    spot = report.page.locator("#map .spot")
+    spot.wait_for()
+    box = spot.bounding_box()
+    east, north = report.map().place_at(span[0] + 0.4 * (span[1] - span[0]))
+    assert box["x"] + 0.5 * box["width"] == pytest.approx(east, abs=12.0)
+    assert box["y"] + 0.5 * box["height"] == pytest.approx(north, abs=12.0)
+    report.page.mouse.move(2.0, 2.0)
+    spot.wait_for(state="hidden")
+
+
+def test_pointing_at_the_map_marks_the_time_in_every_plot(report, charts):
+    span = charts[0].range()
+    wanted = span[0] + 0.6 * (span[1] - span[0])
+    chart = report.map()
+    x, y = chart.place_at(wanted)
+    report.page.mouse.move(x - 3.0, y)
+    report.page.mouse.move(x, y)
+    chart.until("box => box._hoverdata && box._hoverdata.length > 0")
+    time = chart.box.evaluate("box => box._hoverdata[0].customdata")
+    for other in charts:
+        mark = other.box.locator("xpath=..").locator(".cursor")
+        mark.wait_for()
+        frame = other.frame()
+        across = (mark.bounding_box()["x"] - frame["left"]) / frame["width"]
+        assert span[0] + across * (span[1] - span[0]) == pytest.approx(
+            time, abs=2.0 * (span[1] - span[0]) / frame["width"]
+        )
