@@ -8,33 +8,47 @@ from typing import Any
 
 from navfuse.analysis.consistency import NisSummary
 from navfuse.analysis.metrics import ErrorMetrics
-from navfuse.report.panels import Panel
-from navfuse.report.tables import METRIC_COLUMNS, consistency_rows, metrics_rows
+from navfuse.report.curves import Panel
+from navfuse.report.quality import Percentiles
+from navfuse.report.tables import METRIC_COLUMNS, consistency_rows, metrics_rows, number
+from navfuse.report.text import shown
 from navfuse.report.verdict import Verdict
 
-FRAME_PX = 60
+FRAME_PX = 70
 ROW_PX = 132
+MOST_POINTS = 40
 MARKS = {"bad": "Serious", "check": "Look", "info": "Note"}
+
+
+def text(content: object) -> str:
+    """Text from anywhere as HTML that shows it and does nothing else."""
+    return escape(shown(content))
 
 
 def verdict(outcome: Verdict) -> str:
     """The headline and its points."""
-    points = "".join(f'<li class="{p.level}"><b>{MARKS[p.level]}</b>{escape(p.text)}</li>' for p in outcome.points)
-    listing = f"<ul>{points}</ul>" if points else ""
-    return f'<div class="verdict {outcome.level}"><p>{escape(outcome.headline)}</p>{listing}</div>'
+    points = [f'<li class="{p.level}"><b>{MARKS[p.level]}</b>{text(p.text)}</li>' for p in outcome.points]
+    if len(points) > MOST_POINTS:
+        more = f"<li><b>Note</b>{len(points) - MOST_POINTS} more are in summary.json</li>"
+        points = [*points[:MOST_POINTS], more]
+    listing = f"<ul>{''.join(points)}</ul>" if points else ""
+    return (
+        f'<section class="verdict {outcome.level}" aria-label="Verdict"><h2>{text(outcome.headline)}</h2>'
+        f"{listing}</section>"
+    )
 
 
 def cards(outcome: Verdict) -> str:
     """The numbers that matter."""
     cells = (
-        f"<div><dt>{escape(card.label)}</dt><dd>{escape(card.value)}</dd><dd>{escape(card.detail)}</dd></div>"
+        f"<div><dt>{text(card.label)}</dt><dd>{text(card.value)}</dd><dd>{text(card.detail)}</dd></div>"
         for card in outcome.cards
     )
     return f'<dl class="cards">{"".join(cells)}</dl>'
 
 
-def metrics(found: dict[str, ErrorMetrics], skip_s: float) -> str:
-    """The table of errors against the truth; nothing without one."""
+def metrics(found: dict[str, ErrorMetrics], circles: dict[str, Percentiles], skip_s: float) -> str:
+    """The tables of errors against the truth; nothing without one."""
     if not found:
         return ""
     width = len(METRIC_COLUMNS)
@@ -43,18 +57,33 @@ def metrics(found: dict[str, ErrorMetrics], skip_s: float) -> str:
     names = (f'<th scope="col">{name}</th>' for _ in found for name, _ in METRIC_COLUMNS)
     rows = []
     for label, unit, values in metrics_rows(found):
-        cells = (_cell(text, "group" if k % width == 0 else "") for k, text in enumerate(values))
+        cells = (_cell(value, "group" if k % width == 0 else "") for k, value in enumerate(values))
         rows.append(f'<tr><th scope="row">{escape(label)} [{escape(unit)}]</th>{"".join(cells)}</tr>')
     head = f"<tr><td></td>{''.join(groups)}</tr><tr><td></td>{''.join(names)}</tr>"
     caption = f"Solution minus truth{since}; percentiles and maximum of the magnitude."
-    return f'<section id="table"><h2>Errors against truth</h2>{_table("Errors", caption, head, rows)}</section>'
+    errors = _table("Errors", caption, head, rows)
+    return f'<section id="table"><h2>Errors against truth</h2>{errors}{_circles(circles)}</section>'
+
+
+def _circles(circles: dict[str, Percentiles]) -> str:
+    names = ("CEP50 [m]", "CEP95 [m]", "vertical 50 % [m]", "vertical 95 % [m]", "epochs")
+    head = "".join(f'<th scope="col">{name}</th>' for name in names)
+    rows = [
+        f'<tr><th scope="row">{escape(name)}</th>{"".join(_cell(number(value)) for value in found[:4])}'
+        f"{_cell(str(found.n))}</tr>"
+        for name, found in circles.items()
+    ]
+    caption = "Radii about the truth that hold half, and 95 %, of the horizontal errors; the same of the height."
+    return _table("Position percentiles", caption, f"<tr><td></td>{head}</tr>", rows)
 
 
 def consistency(found: dict[str, NisSummary]) -> str:
     """The table of innovation statistics per aiding source."""
+    if not found:
+        return ""
     header, body = consistency_rows(found)
-    rows = [f'<tr><th scope="row">{escape(row[0])}</th>{"".join(_cell(text) for text in row[1:])}</tr>' for row in body]
-    head = "".join(f"<th scope=col>{escape(name)}</th>" for name in header)
+    rows = [f'<tr><th scope="row">{text(row[0])}</th>{"".join(_cell(text) for text in row[1:])}</tr>' for row in body]
+    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in header)
     caption = "Mean NIS per component; 1 for a right model. Withheld windows are left out of the test."
     return _table("Consistency", caption, f"<tr>{head}</tr>", rows)
 
@@ -67,28 +96,34 @@ def section(name: str, before: str, panels: Iterable[tuple[int, Panel]]) -> str:
 
 def details(summary: Mapping[str, Any]) -> str:
     """The run's summary as a table of dotted keys."""
-    rows = [f"<tr><th scope=row>{escape(key)}</th>{_cell(value)}</tr>" for key, value in _flat(summary)]
+    rows = [f'<tr><th scope="row">{text(key)}</th>{_cell(value)}</tr>' for key, value in _flat(summary)]
     return _table("Details", "As in summary.json.", "", rows) if rows else "<p>None recorded.</p>"
 
 
 def _figure(index: int, panel: Panel) -> str:
+    title, note, numbers = text(panel["title"]), text(panel["note"]), text(panel["numbers"])
+    if panel["empty"]:
+        return f'<div class="empty"><h3>{title}</h3><p>Not shown: {text(panel["empty"])}</p></div>'
     height = FRAME_PX + ROW_PX * max(len(panel["rows"]), 2)
-    title, note = escape(panel["title"]), escape(panel["note"])
-    rows = escape(", ".join(f"{row['label']} in {row['unit']}" for row in panel["rows"]))
-    box = f'data-panel="{index}" role="img" aria-label="{title} over time: {rows}" style="height:{height}px"'
-    return f'<figure><figcaption><h3>{title}</h3><p>{note}</p></figcaption><div class="plot" {box}></div></figure>'
+    axis = f"{panel['x']['label']} in {panel['x']['unit']}" if "x" in panel else "time"
+    rows = ", ".join(f"{row['label']} in {row['unit']}" for row in panel["rows"])
+    alternative = f"{title} over {text(axis)}: {text(rows)}. {numbers}"
+    summary = f'<p class="numbers">{numbers}</p>' if numbers else ""
+    box = f'data-panel="{index}" role="img" aria-label="{alternative}" style="height:{height}px"'
+    caption = f"<figcaption><h3>{title}</h3><p>{note}</p>{summary}</figcaption>"
+    return f'<figure>{caption}<div class="plot" {box}></div></figure>'
 
 
 def _table(name: str, caption: str, head: str, rows: list[str]) -> str:
     return (
         f'<p class="soft">{escape(caption)}</p>'
         f'<div class="scroll" tabindex="0" role="region" aria-label="{name}"><table>'
-        f"<thead>{head}</thead><tbody>{''.join(rows)}</tbody></table></div>"
+        f"{f'<thead>{head}</thead>' if head else ''}<tbody>{''.join(rows)}</tbody></table></div>"
     )
 
 
-def _cell(text: str, kind: str = "") -> str:
-    return f"<td{f' class={kind}' if kind else ''}>{escape(text)}</td>"
+def _cell(content: str, kind: str = "") -> str:
+    return f"<td{f' class={kind}' if kind else ''}>{text(content)}</td>"
 
 
 def _flat(value: Any, prefix: str = "") -> list[tuple[str, str]]:
@@ -97,5 +132,5 @@ def _flat(value: Any, prefix: str = "") -> list[tuple[str, str]]:
     if isinstance(value, float):
         return [(prefix, f"{value:.6g}")]
     if isinstance(value, (list, tuple)):
-        return [(prefix, ", ".join(text for entry in value for _, text in _flat(entry, prefix)))]
+        return [(prefix, ", ".join(one for entry in value for _, one in _flat(entry, prefix)))]
     return [(prefix, str(value))]

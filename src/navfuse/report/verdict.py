@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from navfuse.analysis.consistency import NisSummary
-from navfuse.analysis.metrics import ErrorMetrics
+from navfuse.analysis.metrics import ErrorMetrics, ErrorSeries
+from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.data.result import DOUBTFUL, Result
+from navfuse.report.clock import utc_clock, utc_text
 from navfuse.report.series import POSITION_SOURCE, distance, gaps, withheld_windows
 
 OVERCONFIDENT = 1.25
@@ -21,11 +23,15 @@ CORRELATED = 0.3
 INSIDE = 0.95
 INSIDE_BADLY = 0.80
 LONG_GAP_S = 10.0
+APART = 1.5
+LONG_ENOUGH_S = 300.0
+"""Shorter runs hold too few independent differences of filter and smoother to conclude from."""
 
 HEADLINES = {
     "good": "This run looks sound",
     "check": "Usable, but look at the points below",
     "bad": "Do not rely on this run before the points below are settled",
+    "compared": "A trajectory and its errors; nothing here speaks against it",
 }
 
 
@@ -55,19 +61,29 @@ class Verdict:
     points : tuple of Point
         Worst first.
     cards : tuple of Card
+    bare : bool
+        Of a trajectory alone, not of a run.
     """
 
     level: str
     points: tuple[Point, ...]
     cards: tuple[Card, ...]
+    bare: bool = False
 
     @property
     def headline(self) -> str:
         """The level as a sentence."""
-        return HEADLINES[self.level]
+        return HEADLINES["compared" if self.bare and self.level == "good" else self.level]
 
 
-def judge(result: Result, consistency: dict[str, NisSummary], metrics: dict[str, ErrorMetrics]) -> Verdict:
+def judge(
+    result: Result,
+    consistency: dict[str, NisSummary],
+    metrics: dict[str, ErrorMetrics],
+    apart: ErrorSeries | None = None,
+    *,
+    bare: bool = False,
+) -> Verdict:
     """Verdict on a run.
 
     Parameters
@@ -77,13 +93,19 @@ def judge(result: Result, consistency: dict[str, NisSummary], metrics: dict[str,
         By aiding source, from :func:`navfuse.analysis.consistency.nis_summary`.
     metrics : dict of str to ErrorMetrics
         By name of the solution ("filter", "smoother") against a truth; empty without one.
+    apart : ErrorSeries, optional
+        Filter minus smoother, from :func:`navfuse.report.quality.separation`.
+    bare : bool
+        The result is a trajectory alone: that it has no measurements is no fault.
     """
-    points = [*_measurement_points(result, consistency), *_truth_points(metrics)]
+    points = [] if bare else _measurement_points(result, consistency)
+    points += [*_truth_points(metrics), *_separation_points(apart)]
     points += [Point("check", text) for text in result.warnings]
     order = {"bad": 0, "check": 1, "info": 2}
     points.sort(key=lambda point: order[point.level])
     level = points[0].level if points else "good"
-    return Verdict("good" if level == "info" else level, tuple(points), tuple(_cards(result, consistency, metrics)))
+    cards = _cards(result, consistency, metrics, bare=bare)
+    return Verdict("good" if level == "info" else level, tuple(points), tuple(cards), bare)
 
 
 def length(seconds: float) -> str:
@@ -106,6 +128,11 @@ def metres(value: float) -> str:
     return f"{value / 1000.0:.{1 if value < 1e5 else 0}f} km"
 
 
+def moment(time: float, epoch: GpsEpoch | None) -> str:
+    """A log time for people, with the UTC clock where it is known: ``1059.0 s (19:34:26 UTC)``."""
+    return f"{time:.1f} s{utc_clock(epoch, time)}"
+
+
 def _measurement_points(result: Result, consistency: dict[str, NisSummary]) -> list[Point]:
     points = []
     position = consistency.get(POSITION_SOURCE)
@@ -123,7 +150,8 @@ def _measurement_points(result: Result, consistency: dict[str, NisSummary]) -> l
         gap = longest[0]
         text = (
             f"Longest stretch without a used position: {length(gap.end - gap.start)}, "
-            f"from {gap.start:.1f} s to {gap.end:.1f} s. Within it the error grows as the standard deviations show."
+            f"from {moment(gap.start, result.epoch)} to {moment(gap.end, result.epoch)}. "
+            "Within it the error grows as the standard deviations show."
         )
         points.append(Point("info", text))
     return points
@@ -182,36 +210,70 @@ def _truth_points(metrics: dict[str, ErrorMetrics]) -> list[Point]:
     return points
 
 
-def _cards(result: Result, consistency: dict[str, NisSummary], metrics: dict[str, ErrorMetrics]) -> list[Card]:
-    best = result.trajectory
+def _separation_points(apart: ErrorSeries | None) -> list[Point]:
+    """What filter and smoother say of each other; a long run is needed, since the differences go on for long."""
+    if apart is None or apart.time[-1] - apart.time[0] < LONG_ENOUGH_S:
+        return []
+    factors = {}
+    for block in ("position", "velocity", "attitude"):
+        values, sd = getattr(apart, block), getattr(apart, f"sd_{block}")
+        if values is None or sd is None:
+            continue
+        known = np.isfinite(values) & np.isfinite(sd)
+        power = float(np.sum(sd[known] ** 2))
+        if power > 0.0:
+            factors[block] = float(np.sqrt(np.sum(values[known] ** 2) / power))
+    large = [f"{block} {factor:.1f} times" for block, factor in factors.items() if factor > APART]
+    if not large:
+        return []
+    text = (
+        f"Filter and smoother lie further apart than their standard deviations allow: {', '.join(large)}. The process "
+        "noise is probably too small for this sensor (imu.grade), or something moves the solution that no state stands "
+        "for; the filter's standard deviations are then too small."
+    )
+    return [Point("info", text)]
+
+
+def _cards(
+    result: Result, consistency: dict[str, NisSummary], metrics: dict[str, ErrorMetrics], *, bare: bool
+) -> list[Card]:
+    best, epoch = result.trajectory, result.epoch
     duration = float(best.time[-1] - best.time[0])
     rate = (len(best) - 1) / duration if duration > 0.0 else 0.0
-    cards = [
-        Card("Duration", length(duration), f"{best.time[0]:.1f} to {best.time[-1]:.1f} s, {rate:.4g} Hz"),
-        Card("Distance", metres(distance(best)), "along the path"),
-    ]
-    cards += _gnss_cards(result, consistency)
-    if best.sd_position is not None:
-        sd = np.hypot(best.sd_position[:, 0], best.sd_position[:, 1])
-        worst = int(np.argmax(sd))
-        kind = "filter" if result.smoothed is None else "smoother"
-        doubtful = any(summary.factor > DOUBTFUL for summary in consistency.values())
-        doubt = ": not to be relied on, see above" if doubtful else ""
-        cards += [
-            Card(
-                "Expected error at the end",
-                metres(sd[-1]),
-                f"horizontal, 1 sigma, {kind}; vertical {metres(best.sd_position[-1, 2])}{doubt}",
-            ),
-            Card(
-                "Expected error at worst", metres(sd[worst]), f"horizontal, 1 sigma, at {best.time[worst]:.1f} s{doubt}"
-            ),
-        ]
+    since = f"log time {best.time[0]:.1f} to {best.time[-1]:.1f} s, {rate:.4g} Hz"
+    if epoch is not None:
+        since += f"; from {utc_text(epoch, float(best.time[0]))} UTC"
+    cards = [Card("Duration", length(duration), since), Card("Distance", metres(distance(best)), "along the path")]
+    if not bare:
+        cards += _gnss_cards(result, consistency)
+    kind = "solution" if bare else "filter" if result.smoothed is None else "smoother"
+    doubtful = any(summary.factor > DOUBTFUL for summary in consistency.values())
+    cards += _accuracy_cards(result, kind, ": not to be relied on, see above" if doubtful else "")
     for solution, metric in metrics.items():
         horizontal, vertical = metric.statistics["position_horizontal"], metric.statistics["position_down"]
-        detail = f"RMS horizontal; vertical {metres(vertical.rms)}, worst horizontal {metres(horizontal.max)}"
+        detail = (
+            f"RMS horizontal, CEP50 {metres(horizontal.p50)}, CEP95 {metres(horizontal.p95)}, worst "
+            f"{metres(horizontal.max)}; vertical RMS {metres(vertical.rms)}"
+        )
         cards.append(Card(f"True error of the {solution}", metres(horizontal.rms), detail))
     return cards
+
+
+def _accuracy_cards(result: Result, kind: str, doubt: str) -> list[Card]:
+    best = result.trajectory
+    if best.sd_position is None:
+        return [Card("Expected error", "unknown", "the trajectory has no standard deviations")]
+    sd = np.hypot(best.sd_position[:, 0], best.sd_position[:, 1])
+    if not np.isfinite(sd).any():
+        return [Card("Expected error", "unknown", "the standard deviations are no numbers")]
+    worst = int(np.nanargmax(sd))
+    vertical = metres(best.sd_position[-1, 2])
+    end = f"horizontal, 1 sigma, {kind}; vertical {vertical}{doubt}"
+    at = f"horizontal, 1 sigma, at {moment(float(best.time[worst]), result.epoch)}{doubt}"
+    return [
+        Card("Expected error at the end", metres(sd[-1]), end),
+        Card("Expected error at worst", metres(sd[worst]), at),
+    ]
 
 
 def _gnss_cards(result: Result, consistency: dict[str, NisSummary]) -> list[Card]:
@@ -223,9 +285,8 @@ def _gnss_cards(result: Result, consistency: dict[str, NisSummary]) -> list[Card
     longest = gaps(result)[:1]
     if longest:
         gap = longest[0]
-        cards.append(
-            Card("Longest without GNSS", length(gap.end - gap.start), f"from {gap.start:.1f} to {gap.end:.1f} s")
-        )
+        span = f"from {moment(gap.start, result.epoch)} to {moment(gap.end, result.epoch)}"
+        cards.append(Card("Longest without GNSS", length(gap.end - gap.start), span))
     drift = [window.largest_m for window in withheld_windows(result.innovations) if np.isfinite(window.largest_m)]
     if drift:
         detail = (
