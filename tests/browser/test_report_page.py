@@ -34,12 +34,13 @@ def assert_all_show(charts, span):
 
 
 def test_every_figure_is_drawn_or_says_why_not(report):
-    figures = report.page.locator("main figure").all()
-    assert len(figures) >= 5
-    for figure in figures:
-        if not figure.locator("[role=img]").count():
-            assert len(figure.locator(".empty").inner_text()) > 10
-    for chart in (report.map(), *report.charts()):
+    for empty in report.page.locator(".empty").all():
+        assert empty.locator("h3").inner_text()
+        assert len(empty.locator("p").inner_text()) > len("Not shown: ")
+    charts = report.charts()
+    assert len(charts) >= 5
+    assert report.page.locator("main figure").count() == len(charts) + 1
+    for chart in (report.map(), *charts):
         assert chart.show().points() > 0, chart.title
         assert "NaN" not in chart.box.evaluate(
             "box => [...box.querySelectorAll('path')].map((p) => p.getAttribute('d')).join()"
@@ -85,13 +86,54 @@ def test_the_fields_zoom_by_keyboard_alone(report, charts):
     assert_all_show(charts, (start, end))
 
 
+def test_the_keyboard_moves_window_and_cursor_of_every_plot(report, charts):
+    press = report.page.keyboard.press
+    start, end = charts[0].range()
+    length = end - start
+    charts[1].focus()
+    press("+")
+    assert_all_show(charts, (start + 0.25 * length, start + 0.75 * length))
+    press("Shift+ArrowRight")
+    assert_all_show(charts, (start + 0.375 * length, start + 0.875 * length))
+    press("-")
+    assert charts[0].range()[1] == pytest.approx(end, abs=0.01)
+    press("0")
+    assert_all_show(charts, (start, end))
+    press("Home")
+    press("ArrowRight")
+    press("ArrowRight")
+    for chart in charts:
+        assert chart.cursor() == pytest.approx(start + 0.02 * length, abs=2.0 * length / chart.frame()["width"])
+    assert f"{start + 0.02 * length:.2f} s" in report.page.inner_text("#readout")
+    assert report.page.locator("#spoken").text_content()
+    press("End")
+    assert charts[0].cursor() == pytest.approx(end, abs=2.0 * length / charts[0].frame()["width"])
+    press("Escape")
+    assert charts[0].cursor() is None
+
+
+def test_the_slider_moves_the_cursor_and_the_buttons_the_window(report, charts):
+    start, end = charts[0].range()
+    length = end - start
+    report.page.fill("#cursor", "250")
+    for chart in charts:
+        assert chart.cursor() == pytest.approx(start + 0.25 * length, abs=2.0 * length / chart.frame()["width"])
+    report.page.click("#nearer")
+    assert_all_show(charts, (start + 0.125 * length, start + 0.625 * length))
+    report.page.click("#later")
+    assert_all_show(charts, (start + 0.25 * length, start + 0.75 * length))
+    report.page.click("#farther")
+    report.page.click("#farther")
+    assert_all_show(charts, (start, end))
+
+
 @pytest.mark.parametrize(("first", "last"), [("", ""), ("-1e9", "1e9"), ("9e99", "-9e99")])
 def test_nonsense_in_the_fields_changes_nothing_and_goes_away(report, charts, first, last):
     whole = charts[0].range()
     for field, text in (("#from", first), ("#to", last)):
         report.page.fill(field, text)
         report.page.press(field, "Enter")
-    report.until("() => document.getElementById('from').value !== '' && document.getElementById('to').value !== ''")
+    assert report.page.input_value("#from") != ""
     assert_all_show(charts, whole)
 
 
@@ -112,30 +154,29 @@ def test_a_legend_hides_and_shows_its_curve(report, charts):
 def test_pointing_at_a_time_plot_marks_the_place_on_the_map(report, charts):
     span = charts[0].range()
     charts[0].hover(0.4)
+    charts[0].until("box => box._hoverdata && box._hoverdata.length > 0")
+    time = charts[0].box.evaluate("box => box._hoverdata[0].x")
+    assert time == pytest.approx(span[0] + 0.4 * (span[1] - span[0]), abs=0.05 * (span[1] - span[0]))
     spot = report.page.locator("#map .spot")
     spot.wait_for()
     box = spot.bounding_box()
-    east, north = report.map().place_at(span[0] + 0.4 * (span[1] - span[0]))
-    assert box["x"] + 0.5 * box["width"] == pytest.approx(east, abs=12.0)
-    assert box["y"] + 0.5 * box["height"] == pytest.approx(north, abs=12.0)
-    report.page.mouse.move(2.0, 2.0)
-    spot.wait_for(state="hidden")
+    place = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+    assert place == pytest.approx(report.map().place_at(time), abs=2.0)
 
 
 def test_pointing_at_the_map_marks_the_time_in_every_plot(report, charts):
     span = charts[0].range()
-    wanted = span[0] + 0.6 * (span[1] - span[0])
     chart = report.map()
-    x, y = chart.place_at(wanted)
-    report.page.mouse.move(x - 3.0, y)
-    report.page.mouse.move(x, y)
-    chart.until("box => box._hoverdata && box._hoverdata.length > 0")
+    chart.point_at(span[0] + 0.6 * (span[1] - span[0]))
+    chart.until("box => box._hoverdata && box._hoverdata.length > 0 && box._hoverdata[0].customdata !== undefined")
     time = chart.box.evaluate("box => box._hoverdata[0].customdata")
     for other in charts:
-        mark = other.box.locator("xpath=..").locator(".cursor")
-        mark.wait_for()
-        frame = other.frame()
-        across = (mark.bounding_box()["x"] - frame["left"]) / frame["width"]
-        assert span[0] + across * (span[1] - span[0]) == pytest.approx(
-            time, abs=2.0 * (span[1] - span[0]) / frame["width"]
-        )
+        assert other.cursor() == pytest.approx(time, abs=2.0 * (span[1] - span[0]) / other.frame()["width"])
+
+
+def test_pointing_at_the_start_marks_the_start(report, charts):
+    span = charts[0].range()
+    chart = report.map()
+    chart.point_at(span[0])
+    chart.until("box => box._hoverdata && box._hoverdata.length > 0")
+    assert charts[0].cursor() == pytest.approx(span[0], abs=0.02 * (span[1] - span[0]))

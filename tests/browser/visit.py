@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from playwright.sync_api import BrowserContext, Locator, Route
 
-PATIENCE_MS = 30_000
+PATIENCE_MS = int(__import__("os").environ.get("PAT", 30_000))
 """How long anything may take before it counts as never happening; a busy machine, not a page, needs this long."""
 
 
@@ -66,8 +66,10 @@ class Visit:
         return self
 
     def whole_run(self) -> Visit:
-        """Go back to what the page shows first."""
+        """Go back to the whole run, in log time."""
         self.page.evaluate("scrollTo(0, 0); document.getElementById('all').click()")
+        if self.page.locator("#scale").is_visible():
+            self.page.select_option("#scale", "log")
         return self
 
     def map(self) -> Chart:
@@ -76,8 +78,8 @@ class Visit:
 
     def charts(self) -> list[Chart]:
         """Every plot but the map, in page order."""
-        count = self.page.locator("[data-panel]").count()
-        return [Chart(self, f"[data-panel='{k}']") for k in range(count)]
+        places = self.page.evaluate("[...document.querySelectorAll('[data-panel]')].map((box) => box.dataset.panel)")
+        return [Chart(self, f"[data-panel='{place}']") for place in places]
 
     def time_charts(self) -> list[Chart]:
         """The plots over the time of the run, drawn."""
@@ -152,6 +154,22 @@ class Chart:
             "box => box.data.reduce((n, curve) => n + (curve.visible === false ? 0 : curve.x.length), 0)"
         )
 
+    def cursor(self) -> float | None:
+        """Where the time cursor stands in it, in the unit of the axis; None while it is hidden."""
+        return self.box.evaluate(
+            """box => {
+              const mark = box.parentElement.querySelector(".cursor"), { xaxis } = box._fullLayout;
+              if (mark.hidden) return null;
+              return xaxis.p2d(mark.getBoundingClientRect().left - box.getBoundingClientRect().left - xaxis._offset);
+            }"""
+        )
+
+    def point_at(self, time: float) -> None:
+        """On the map, put the mouse on the best track at a time of the log."""
+        x, y = self.place_at(time)
+        self.page.mouse.move(x - 3.0, y)
+        self.page.mouse.move(x, y)
+
     def place_at(self, time: float) -> tuple[float, float]:
         """On the map, where the best track is at a time of the log, in the window [px]."""
         return tuple(
@@ -169,8 +187,12 @@ class Chart:
         )
 
     def legend(self) -> Locator:
-        """Its legend's buttons."""
-        return self.box.locator("xpath=ancestor::figure").locator(".legend button")
+        """The buttons of its legend that show and hide curves."""
+        return self.box.locator("xpath=ancestor::figure").locator(".legend button[aria-pressed]")
+
+    def focus(self) -> None:
+        """Give it the keyboard."""
+        self.box.locator("xpath=ancestor::*[@tabindex][1]").focus()
 
     def point(self, across: float, down: float = 0.1) -> tuple[float, float]:
         """A place in the plot by fractions of its width and height, brought to the middle of the window [px]."""
