@@ -66,3 +66,48 @@ def test_a_file_that_is_not_there(navfuse, tmp_path, truth):
     assert (code, out) == (1, "")
     assert err.startswith("error: ")
     assert "none.csv" in err
+
+
+def test_the_page_of_a_bare_trajectory(navfuse, tmp_path, truth):
+    solution, page = write(tmp_path / "solution.csv", 2.0, sd=True), tmp_path / "page.html"
+    _, plain, _ = navfuse("compare", solution, truth, "--skip-s", 10)
+    code, out, err = navfuse("compare", solution, truth, "--skip-s", 10, "--report", page)
+    assert (code, out, err) == (0, plain, "")
+    text = page.read_text(encoding="utf-8")
+    assert "solution.csv against truth.csv" in text
+    assert "the first 10 s left out" in text
+    assert "True error of the solution" in text
+    assert "a trajectory alone holds no measurements" in text
+    assert "No GNSS position was used" not in text
+
+
+def test_the_page_of_a_run(navfuse, tmp_path, truth):
+    folder, page = tmp_path / "out", tmp_path / "page.html"
+    folder.mkdir()
+    write(folder / "forward.csv", 3.0, sd=True)
+    write(folder / "smoothed.csv", 1.0, sd=True)
+    code, out, _ = navfuse("compare", folder, truth, "-o", page, "--json")
+    assert code == 0
+    assert json.loads(out)["errors"]["position_down_m"]["rms"] == pytest.approx(1.0, abs=1e-6)
+    text = page.read_text(encoding="utf-8")
+    for expected in ("True error of the filter", "True error of the smoother", "Filter minus smoother: position"):
+        assert expected in text
+
+
+def test_a_report_never_replaces_what_it_is_made_of(navfuse, tmp_path, truth):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    write(folder / "forward.csv", 3.0)
+    write(folder / "smoothed.csv", 1.0)
+    for page in (truth, folder / "forward.csv", folder / "summary.json"):
+        code, out, err = navfuse("compare", folder, truth, "-o", page)
+        assert (code, out) == (1, "")
+        assert "is a file that the report is made of" in err
+    assert truth.read_text().startswith(COLUMNS)
+
+
+def test_a_report_that_cannot_be_written(navfuse, tmp_path, truth):
+    solution = write(tmp_path / "solution.csv", 2.0)
+    code, _, err = navfuse("compare", solution, truth, "-o", tmp_path / "none" / "page.html")
+    assert code == 1
+    assert err.startswith("error: ")

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from navfuse.analysis.metrics import ErrorMetrics
+    from navfuse.data.trajectory import Trajectory
 
 SOLUTIONS = ("smoothed.parquet", "smoothed.csv", "forward.parquet", "forward.csv")
 """Trajectories in a result folder, the best first."""
@@ -28,6 +29,16 @@ def compare(
         float | None, typer.Option("--until-s", min=0.0, help="Stop this many seconds after the common start.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--report",
+            metavar="FILE",
+            help="Write the report as an HTML page too: of the folder of a run the whole one, of a trajectory what it "
+            "alone tells.",
+        ),
+    ] = None,
 ) -> None:
     """Compare a trajectory with a truth: RMSE, percentiles and maximum of every error.
 
@@ -36,9 +47,12 @@ def compare(
     from navfuse.analysis import metrics
     from navfuse.io.trajectory_table import read_trajectory
 
-    found = metrics.compare(
-        read_trajectory(trajectory_file(solution)), read_trajectory(truth), skip_s=skip_s, until_s=until_s
-    )
+    if report is not None:
+        _refuse(report, solution, truth)
+    best, reference = read_trajectory(trajectory_file(solution)), read_trajectory(truth)
+    found = metrics.compare(best, reference, skip_s=skip_s, until_s=until_s)
+    if report is not None:
+        _write_report(report, solution, best, reference, skip_s, until_s)
     if as_json:
         import json
 
@@ -79,6 +93,29 @@ def trajectory_file(solution: Path) -> Path:
         if (solution / name).is_file():
             return solution / name
     raise InputError(f"{solution}: no trajectory in this folder; looked for {', '.join(SOLUTIONS)}")
+
+
+def _refuse(report: Path, solution: Path, truth: Path) -> None:
+    """Refuse a report that would replace what it is made of."""
+    from navfuse.errors import OutputError
+    from navfuse.io.result_folder import RUN_NAMES
+
+    sources = [solution, truth, *(solution / name for name in RUN_NAMES if name != "report.html")]
+    if any(report.resolve() == source.resolve() for source in sources):
+        raise OutputError(f"{report}: is a file that the report is made of; give the report another name")
+
+
+def _write_report(
+    report: Path, solution: Path, best: Trajectory, truth: Trajectory, skip_s: float, until_s: float | None
+) -> None:
+    from navfuse.data.result import Result
+    from navfuse.io.result_folder import read_result
+    from navfuse.report.page import write_report
+
+    bare = not solution.is_dir()
+    result = Result(best) if bare else read_result(solution)
+    title = f"{solution.resolve().name} against {Path(truth.source).name}"
+    write_report(report, result, truth, title=title, skip_s=skip_s, until_s=until_s, bare=bare)
 
 
 def _table(found: ErrorMetrics) -> Table:

@@ -48,7 +48,7 @@ STATE_UNITS = {
     "accel_cross": ("mrad", 1e3),
 }
 BARE_NAMES = {"forward": "solution", "smoothed": "smoother", "truth": "truth"}
-NO_TRUTH = "No truth was given; `navfuse compare RUN TRUTH --report FILE` makes this page with one."
+NO_TRUTH = "no truth was given; navfuse compare RUN TRUTH --report FILE makes this page with one"
 
 
 @dataclass(frozen=True)
@@ -124,10 +124,27 @@ def band_between(name: str, role: str, time: Array, low: Array, high: Array) -> 
     return over_time(name, role, "band", time, low, y2=high)
 
 
-def row(name: str, unit: str, curves: Sequence[Curve], *, log: bool = False, zero: bool = False) -> Row:
-    """A row of a panel: bands behind, then curves. `zero`: an error about zero; `log`: a logarithmic axis."""
+def row(
+    name: str,
+    unit: str,
+    curves: Sequence[Curve],
+    *,
+    log: bool = False,
+    zero: bool = False,
+    span: tuple[float, float] | None = None,
+    floor: float = 0.0,
+) -> Row:
+    """A row of a panel: bands behind, then curves.
+
+    `zero`: an error about zero; `log`: a logarithmic axis, from `floor` up where that is given; `span`: fixed limits.
+    """
     ordered = sorted(curves, key=lambda entry: entry["kind"] != "band")
-    return {"label": label(name), "unit": unit, "curves": ordered, "log": log, "zero": zero}
+    made: Row = {"label": label(name), "unit": unit, "curves": ordered, "log": log, "zero": zero}
+    if span is not None:
+        made["range"] = span
+    if floor > 0.0:
+        made["floor"] = floor
+    return made
 
 
 def panel(
@@ -139,6 +156,7 @@ def panel(
     numbers: str = "",
     why: str = "nothing was recorded",
     x: tuple[str, str, bool] | None = None,
+    span: tuple[float, float] | None = None,
 ) -> Panel:
     """A panel of the rows that have curves; without any it says why.
 
@@ -152,6 +170,8 @@ def panel(
         Said in place of the plot when there is nothing to draw.
     x : (label, unit, logarithmic), optional
         Axis of a panel that is not over time.
+    span : (from, to), optional
+        Its limits; default all that is drawn.
     """
     drawn = [entry for entry in rows if entry["curves"]]
     made: Panel = {
@@ -163,7 +183,7 @@ def panel(
         "empty": "" if drawn else shown(why),
     }
     if x is not None:
-        made["x"] = {"label": x[0], "unit": x[1], "log": x[2]}
+        made["x"] = {"label": x[0], "unit": x[1], "log": x[2]} | ({} if span is None else {"range": span})
     return made
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from navfuse.data.result import Innovations
@@ -15,6 +13,7 @@ from navfuse.report.curves import (
     UNITS,
     Curve,
     Panel,
+    Row,
     Scene,
     band,
     band_between,
@@ -44,6 +43,8 @@ SECTION = "Measurements"
 MOST_SOURCES = 10
 """Sources with panels of their own; the table of consistency holds all."""
 GATE_AGREES = 0.99
+NIS_FLOOR = 0.01
+"""Below it NIS points are not shown; they tell nothing."""
 STATUS_NAMES = {
     "used": "used",
     "reset": "used after a reset",
@@ -115,7 +116,7 @@ def _innovations(scene: Scene, source: str, records: Innovations, gate: Array | 
             numbers.append(f"{axis} mean {digits(float(z.mean()))}, RMS {digits(rms(z))} of {digits(rms(sd[taken]))}")
     note = "Measured minus predicted, with three standard deviations of it (shaded)"
     if gate is not None:
-        note += " and the gate (dotted), where one component alone would be rejected; it widens with the scatter"
+        note += " and the gate (dashed), where one component alone would be rejected; it widens with the scatter"
     else:
         note += "; what the gate of this sensor was is not in the record"
     note += ". Rejected ones may lie outside the picture: the NIS below shows all."
@@ -206,7 +207,7 @@ def _nis(scene: Scene, sources: dict[str, Innovations], gates: dict[str, Array |
             curves.append(over_time(words, "smoothed", "line", time[chosen], running.mean[chosen]))
             last = digits(running.mean[-1])
             numbers.append(f"{label(source)}: {running.inside:.0%} of the running means inside, the last {last}.")
-        rows.append(row(source, "1", curves, log=True))
+        rows.append(row(source, "1", curves, log=True, floor=NIS_FLOOR))
     return panel(
         "Consistency (NIS)",
         "Normalised innovation squared per component, logarithmic; 1 on average when the model is right. The line is "
@@ -235,7 +236,7 @@ def _sigmas(scene: Scene, source: str) -> Panel:
     return panel(
         f"GNSS {block} sigma, reported and realised",
         "What the fixes that were used state, and what their innovations show once the filter's own uncertainty is "
-        f"taken off, in windows of {found.window if found else 0} fixes (shade: 99 %). Realised above reported: enlarge "
+        f"taken off, in windows of {found.window if found else 0} fixes (shade: 99 %). Realised above reported: raise "
         "gnss.sd_scale or look for what else moves the innovations (time offset, lever arm). No point: the filter's "
         "own uncertainty explains all.",
         rows,
@@ -275,7 +276,7 @@ def _why_no_sigmas(scene: Scene, source: str) -> str:
 
 def _satellites(scene: Scene) -> Panel:
     fixes = scene.result.fixes
-    rows: Iterator | list = []
+    rows: list[Row] = []
     numbers, why = "", "the run holds no GNSS fixes"
     if fixes is not None:
         why = "the number of satellites is not in the GNSS log (column n_satellites)"

@@ -34,6 +34,7 @@ MOST_BLOCKS = 12
 MOST_ROWS = 6
 SPECTRUM_POINTS = 1100
 BODY = ("x", "y", "z")
+NO_SPECTRUM = "the log is too short for a spectrum, or all its values are equal"
 CROSS = ("xy", "xz", "yx", "yz", "zx", "zy")
 
 
@@ -106,8 +107,8 @@ def _rate(scene: Scene, imu: ImuOverview | None) -> Panel:
             rows.append(row("gap", "s", [gaps], log=True))
             k = int(np.argmax(imu.gap_length))
             numbers = (
-                f"Usual rate {digits(imu.usual_rate)} Hz; {imu.gap_start.size} gaps, {digits(imu.gap_length.sum())} s in "
-                f"all, the longest {digits(imu.gap_length[k])} s after {imu.gap_start[k]:.2f} s."
+                f"Usual rate {digits(imu.usual_rate)} Hz; {imu.gap_start.size} gaps, {digits(imu.gap_length.sum())} s "
+                f"in all, the longest {digits(imu.gap_length[k])} s after {imu.gap_start[k]:.2f} s."
             )
     return panel(
         "IMU rate and gaps",
@@ -147,9 +148,7 @@ def _spectra(imu: ImuOverview | None) -> list[Panel]:
                 [row("density", unit, curves, log=True)],
                 SECTION,
                 numbers=f"Median over frequency: {', '.join(numbers)} {unit}." if numbers else "",
-                why=_why_no_imu(imu)
-                if imu is None
-                else "the log is too short for a spectrum, or all its values are equal",
+                why=_why_no_imu(imu) if imu is None else NO_SPECTRUM,
                 x=("frequency", "Hz", True),
             )
         )

@@ -27,7 +27,7 @@ from navfuse.report.curves import (
 )
 from navfuse.report.packing import Steps
 from navfuse.report.quality import error_cdf, position_percentiles
-from navfuse.report.series import break_wraps, decimate, east_north, origin_of, thin
+from navfuse.report.series import Origin, break_wraps, decimate, east_north, origin_of, thin
 
 Array = np.ndarray
 
@@ -160,23 +160,30 @@ def _distribution(scene: Scene, block: str) -> Panel:
             if not size.size:
                 continue
             chosen = thin(size.size, CDF_POINTS)
-            drawn = np.maximum(size[chosen], 1e-6 * size[-1])
-            curves.append(curve(f"{name} {part}", role, "line", drawn, 100.0 * share[chosen], dash=dash))
+            curves.append(curve(f"{name} {part}", role, "line", size[chosen], 100.0 * share[chosen], dash=dash))
         numbers.append(_percentile_text(name, block, errors, values))
-    ends = [entry["x"][[0, -1]] for entry in curves if entry["x"][-1] > 0.0]
-    if ends:
-        reach = np.array([min(e[0] for e in ends), max(e[1] for e in ends)])
-        curves += [curve(f"{share:.0f} %", "guide", "line", reach, np.full(2, share)) for share in SHARES]
+    span = _reach([entry["x"] for entry in curves])
+    if span is not None:
+        curves += [curve(f"{share:.0f} %", "guide", "line", np.array(span), np.full(2, share)) for share in SHARES]
     note = "Share of the errors that are not larger than a size, logarithmic."
     return panel(
         f"Distribution of the {block} errors",
         note,
-        [row("share", "%", curves if ends else [])],
+        [row("share", "%", curves if span else [], span=(0.0, 102.0))],
         "Errors",
         numbers=" ".join(numbers),
         why=f"the solution or the truth has no {block}, or no error is above zero",
         x=(f"{block} error", unit, True),
+        span=span,
     )
+
+
+def _reach(sizes: list[Array]) -> tuple[float, float] | None:
+    """From the smallest first percentile to the largest size; None where all are zero."""
+    above = [size[size > 0.0] for size in sizes]
+    low = [float(size[size.size // 100]) for size in above if size.size]
+    high = [float(size[-1]) for size in above if size.size]
+    return (min(low), max(max(high), 1.01 * min(low))) if low else None
 
 
 def _parts(block: str, values: Array, errors: ErrorSeries) -> list[tuple[str, str, Array]]:
@@ -230,7 +237,7 @@ def _sigmas(scene: Scene, block: str) -> Panel:
     )
 
 
-def _motion(trajectory: Trajectory, origin) -> dict[str, dict[str, Array]]:
+def _motion(trajectory: Trajectory, origin: Origin) -> dict[str, dict[str, Array]]:
     plane = east_north(trajectory, origin)
     found = {"position": {"north": plane[:, 1], "east": plane[:, 0], "height": trajectory.height}}
     if trajectory.velocity_n is not None:

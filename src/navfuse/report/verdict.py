@@ -296,5 +296,6 @@ def _gnss_cards(result: Result, consistency: dict[str, NisSummary]) -> list[Card
     if position.n:
         low, high = position.bounds
         detail = f"mean NIS {position.mean_nis_per_dof:.2f} per component; right is {low:.2f} to {high:.2f}"
-        cards.append(Card("GNSS consistency", position.verdict, detail))
+        near = 1.0 / OVERCONFIDENT < position.factor < OVERCONFIDENT and position.verdict != "consistent"
+        cards.append(Card("GNSS consistency", "nearly consistent" if near else position.verdict, detail))
     return cards

@@ -65,14 +65,14 @@ function timeText(time) {
 
 const sexagesimal = [10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400];
 function niceStep(raw, clock) {
-  if (clock && raw > 5) return sexagesimal.find((step) => step >= raw) || 86400 * Math.ceil(raw / 86400);
+  if (clock && raw > 5) return sexagesimal.find((step) => step >= 0.7 * raw) || 86400 * Math.ceil(raw / 86400);
   const power = 10 ** Math.floor(Math.log10(raw));
   return [1, 2, 5, 10].map((head) => head * power).find((step) => step >= raw * 0.999);
 }
 
 // Ticks at round clock times where there is a clock, else at round log times; places are those of the drawn axis.
 function timeTicks([a, b], width) {
-  const { clock } = state.data, step = niceStep((b - a) / Math.max(2, Math.floor(width / 100)), clock);
+  const { clock } = state.data, step = niceStep((b - a) / Math.max(2, Math.floor(width / 90)), clock);
   const decimals = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)), zero = clock ? utc(a) - a : state.shift;
   const tickvals = [], ticktext = [], days = clock && dateText(a) !== dateText(b);
   for (let tick = step * Math.ceil((a + zero) / step - 1e-9); tick - zero <= b + 1e-9; tick += step) {
@@ -83,8 +83,7 @@ function timeTicks([a, b], width) {
   return { tickmode: "array", tickvals, ticktext };
 }
 
-function timeTitle() {
-  const { clock } = state.data, { shift } = state;
-  if (!clock) return "log time [s]";
-  return `${shift || !clock.tow ? `GPS time of week ${clock.week} [s]` : "log time [s]"}, clock UTC ${dateText(state.span[0])}`;
+function timeTitle(width) {
+  const { clock } = state.data, { shift } = state, scale = !clock || (clock.tow && !shift) ? "log time [s]" : `GPS time of week ${clock.week} [s]`;
+  return !clock ? scale : width < 500 ? `${scale}, UTC` : `${scale}, clock UTC on ${dateText(state.span[0])}`;
 }

@@ -19,7 +19,9 @@ function legend(plot, curves) {
     });
     line.append(button);
   }
-  if (!plot.panel) mapButtons(line);
+  const tools = document.createElement("span");
+  tools.className = "tools";
+  if (!plot.panel) mapButtons(tools);
   const save = document.createElement("button");
   save.type = "button";
   save.className = "tool";
@@ -29,7 +31,8 @@ function legend(plot, curves) {
     if (!plot.drawn) draw(plot);
     Plotly.downloadImage(plot.box, { format: "svg", filename: plot.name.toLowerCase().replace(/[^a-z0-9]+/g, "-"), width: plot.box.clientWidth, height: plot.box.clientHeight });
   });
-  line.append(save);
+  tools.append(save);
+  line.append(tools);
   plot.box.parentElement.before(line);
 }
 

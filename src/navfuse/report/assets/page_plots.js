@@ -3,6 +3,13 @@ const symbols = { used: "circle", reset: "star", rejected: "x-thin-open", withhe
 const glyphs = { reset: "★", rejected: "✕", withheld: "◇", late: "△", unused: "○" };
 const marks = new Set(["rejected", "withheld", "reset", "late", "unused"]);
 
+// Nine tenths of a band: what it is at its widest, in the first seconds, would squash the rest.
+function reachOf(curve, range) {
+  const first = Math.max(lowerBound(curve.x, range[0]) - 1, 0), last = lowerBound(curve.x, range[1]) + 1;
+  const sorted = curve.y2.slice(first, last).filter(Number.isFinite).sort();
+  return sorted.length ? 1.1 * sorted[Math.floor(0.9 * (sorted.length - 1))] : 0;
+}
+
 function extent(curve, range) {
   let first = lowerBound(curve.x, range[0]), last = lowerBound(curve.x, range[1]);
   if (curve.kind !== "points") { first = Math.max(first - 1, 0); last = Math.min(last + 1, curve.x.length); }
@@ -22,15 +29,15 @@ function yRange(row, range, hidden) {
   let low = Infinity, high = -Infinity, wideLow = Infinity, wideHigh = -Infinity;
   for (const curve of row.curves) {
     if (hidden.has(curve.name)) continue;
-    const [a, b] = extent(curve, range);
+    const [a, b] = row.zero && curve.kind === "band" ? [-1, 1].map((sign) => sign * reachOf(curve, range)) : extent(curve, range);
     if (!row.log && (curve.kind === "band" || curve.role === "gate" || curve.role === "rejected")) { wideLow = Math.min(wideLow, a); wideHigh = Math.max(wideHigh, b); }
     else if (curve.kind !== "band") { low = Math.min(low, a); high = Math.max(high, b); }
   }
   if (low > high) { low = wideLow; high = wideHigh; }
-  if (low > high) return row.log ? [-1, 1] : [-1, 1];
+  if (low > high) return [-1, 1];
   if (row.log) {
     const a = Math.log10(Math.max(low, 1e-12)), b = Math.log10(Math.max(high, 1e-12)), pad = Math.max(0.08 * (b - a), 0.05);
-    return [Math.max(a, b - 9) - pad, b + pad];
+    return [Math.max(a, Math.min(row.floor ? Math.log10(row.floor) : b - 9, b - 1)) - pad, b + pad];
   }
   const reach = row.zero ? 4 * Math.max(Math.abs(low), Math.abs(high), 1e-12) : 4 * Math.max(high - low, 1e-12);
   if (wideLow < wideHigh) { low = Math.min(low, Math.max(wideLow, low - reach)); high = Math.max(high, Math.min(wideHigh, high + reach)); }
@@ -42,6 +49,7 @@ function yRange(row, range, hidden) {
 }
 
 function xRange(panel) {
+  if (panel.x.range) return panel.x.range.map((x) => (panel.x.log ? Math.log10(x) : x));
   let low = Infinity, high = -Infinity;
   for (const row of panel.rows) for (const curve of row.curves) for (const x of curve.x)
     if (!panel.x.log || x > 0) { low = Math.min(low, x); high = Math.max(high, x); }
@@ -69,12 +77,12 @@ function trace(curve, axis, unit, hidden, shift) {
     return [{ ...base, ...edge, y: curve.y }, { ...base, ...edge, y: curve.y2, fill: "tonexty", fillcolor: c + "2e" }];
   }
   if (curve.kind === "points") {
-    const marked = marks.has(curve.role), size = curve.role === "reset" ? 10 : marked ? 7 : 4;
-    const line = { color: c, width: marked && curve.role !== "reset" ? 1.5 : 0 };
+    const marked = marks.has(curve.role), size = { reset: 10, rejected: 7, late: 7, withheld: 4.5 }[curve.role] || 4;
+    const line = { color: c, width: curve.role === "rejected" ? 1.5 : marked && curve.role !== "reset" ? 1 : 0 };
     return [{ ...base, mode: "markers", y: curve.y, hovertemplate: label, marker: { color: c, symbol: symbols[curve.role] || "circle", size, line } }];
   }
   const shape = curve.kind === "steps" ? "hvh" : "linear", mode = curve.markers ? "lines+markers" : "lines";
-  const line = { color: c, width: curve.role === "outage" ? 8 : dashes[curve.role] ? 1.3 : 1.5, dash: curve.dash || dashes[curve.role] || "solid", shape };
+  const line = { color: c, width: curve.role === "outage" ? 13 : dashes[curve.role] ? 1.3 : 1.5, dash: curve.dash || dashes[curve.role] || "solid", shape };
   return [{ ...base, mode, y: curve.y, hovertemplate: label, line, marker: { size: 4 }, ...(curve.role === "outage" ? { opacity: 0.4 } : {}) }];
 }
 
@@ -110,7 +118,7 @@ function figure(plot) {
   if (overTime) {
     const drawn = state.span.map((time) => time + shift);
     layout.xaxis = {
-      ...axis, anchor, range: drawn, title: { text: timeTitle(), standoff: 6 }, hoverformat: ".2f", ...timeTicks(state.span, plot.box.clientWidth - 80),
+      ...axis, anchor, range: drawn, title: { text: timeTitle(plot.box.clientWidth), standoff: 6 }, hoverformat: ".2f", ...timeTicks(state.span, plot.box.clientWidth - 80),
     };
     layout.shapes = state.data.shading.map(([a, b]) => ({ type: "rect", xref: "x", yref: "paper", x0: a + state.data.start + shift, x1: b + state.data.start + shift,
       y0: 0, y1: 1, layer: "below", line: { width: 0 }, fillcolor: color("shade") }));
