@@ -55,6 +55,7 @@ def faint(visit: Visit) -> list[str]:
           for (const box of document.querySelectorAll(".js-plotly-plot")) {
             for (const node of box.querySelectorAll("svg text")) check(getComputedStyle(node).fill, text, `text ${node.textContent}`);
             for (const curve of box.data) {
+              if (curve.opacity < 1) continue;  // a shade that lies below a line
               if (curve.mode === "lines" && curve.line.width) check(curve.line.color, mark, `line ${curve.name}`);
               if (curve.mode === "markers" && typeof curve.marker.color === "string") check(curve.marker.color, mark, `marks ${curve.name}`);
             }

@@ -8,7 +8,7 @@ from browser.cases import CASES
 from browser.visit import Chart, Visit
 
 QUICK = ("drive", "all-rejected")
-TALL = {"width": 1280, "height": 7000}
+TALL = {"width": 1280, "height": 16000}
 """Everything is in view at once, so that every plot follows at once."""
 
 
