@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gzip
 from base64 import b64encode
+from functools import cache
 from hashlib import sha256
 from importlib.resources import files
 from itertools import groupby
@@ -32,6 +33,10 @@ from navfuse.report.verdict import judge
 
 SCRIPTS = ("page_base.js", "page_plots.js", "page_map.js", "page_window.js", "page_main.js")
 TITLE = 200
+POLICY = (
+    "default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
+    "form-action 'none'"
+)
 
 
 def write_report(
@@ -107,11 +112,12 @@ def render(
         "shading": shading(result),
     }
     described, numbers = pack(data)
-    library, script = _plotly_source(), '"use strict";\n{\n' + "".join(_asset(name) for name in SCRIPTS) + "}\n"
+    library, library_hash = _library()
+    script = '"use strict";\n{\n' + "".join(_asset(name) for name in SCRIPTS) + "}\n"
     sections = [(name, list(group)) for name, group in groupby(enumerate(panels), key=lambda item: item[1]["section"])]
     before = {"Measurements": markup.consistency(scene.consistency)}
     return Template(_asset("page.html")).substitute(
-        policy=_policy(library, script.encode()),
+        policy=POLICY.format(scripts=f"{library_hash} {_hash(script.encode())}"),
         title=markup.text(str(title)[:TITLE]),
         subtitle=_subtitle(result, start),
         style=_asset("page.css"),
@@ -125,7 +131,7 @@ def render(
         maplabel=markup.text(f"Map of the tracks and the GNSS fixes in metres. {chart['numbers']}."),
         sections="".join(markup.section(name, before.get(name, ""), group) for name, group in sections),
         details=markup.details(result.summary),
-        plotly=_pack(library),
+        plotly=library,
         data=_pack(described),
         numbers=_pack(numbers),
         script=script,
@@ -169,20 +175,19 @@ def _subtitle(result: Result, start: float) -> str:
     return f'<p class="subtitle">{markup.text(begin)}</p>'
 
 
-def _policy(*scripts: bytes) -> str:
-    hashes = " ".join(f"'sha256-{b64encode(sha256(script).digest()).decode('ascii')}'" for script in scripts)
-    return (
-        f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
-        "form-action 'none'"
-    )
+def _hash(script: bytes) -> str:
+    return f"'sha256-{b64encode(sha256(script).digest()).decode('ascii')}'"
 
 
 def _asset(name: str) -> str:
     return (files("navfuse.report") / "assets" / name).read_text(encoding="utf-8")
 
 
-def _plotly_source() -> bytes:
-    return (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
+@cache
+def _library() -> tuple[str, str]:
+    """The plotting library as the page holds it, and its hash; kept, since packing it is most of the work."""
+    content = (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
+    return _pack(content), _hash(content)
 
 
 def _pack(content: bytes) -> str:

@@ -290,7 +290,9 @@ def realised_sigma(
     """
     from scipy.special import chdtri
 
-    chosen = _taken_rows(innovations) & np.isfinite(stated).all(axis=1)
+    size = min(int(innovations.dof.max(initial=0)), innovations.z.shape[1])
+    formed = np.isfinite(innovations.z[:, :size]).all(axis=1) & np.isfinite(innovations.sd[:, :size]).all(axis=1)
+    chosen = _taken_rows(innovations) & formed & np.isfinite(stated).all(axis=1)
     used, stated = innovations.select(chosen), stated[chosen]
     n = len(used)
     if n < FEWEST:
