@@ -71,7 +71,9 @@ def test_nothing_ran(hostile):
     assert page.evaluate("document.querySelectorAll('img, iframe, object, embed, link, base, form, svg a').length") == 0
     assert page.evaluate("[...document.querySelectorAll('a')].every((a) => a.getAttribute('href').startsWith('#'))")
     assert page.evaluate("document.querySelectorAll('script').length") <= 5
-    handlers = "[...document.querySelectorAll('*')].flatMap((e) => e.getAttributeNames()).filter((n) => n.startsWith('on'))"
+    handlers = (
+        "[...document.querySelectorAll('*')].flatMap((e) => e.getAttributeNames()).filter((n) => n.startsWith('on'))"
+    )
     assert page.evaluate(handlers) == []
     assert page.evaluate("Object.keys(Object.prototype).length") == 0
 
@@ -102,12 +104,17 @@ def test_axes_legends_and_hover_labels_show_it_as_text(hostile):
         assert shown(name) in titles
     legend = hostile.map().legend().all_inner_texts()
     for name in SHORT[:3]:
-        assert any(name in entry for entry in legend), legend
+        assert any(name[:12] in entry for entry in legend), legend
 
 
-@pytest.mark.parametrize("name", SHORT[:3])
-def test_hover_labels_show_fix_types_as_text(hostile, name):
+def test_hover_labels_show_it_as_text(hostile):
     chart: Chart = next(chart for chart in hostile.charts() if "satellites" in chart.title)
-    chart.hover(0.5)
-    chart.until("box => box.querySelector('.hoverlayer .legend, .hoverlayer .hovertext')")
-    assert any(name in text for text in texts(chart))
+    seen = []
+    for across in (0.5, 0.55, 0.6):
+        chart.hover(across)
+        chart.until("box => box.querySelector('.hoverlayer text')")
+        seen += chart.box.evaluate(
+            "box => [...box.querySelectorAll('.hoverlayer text')].map((text) => text.textContent)"
+        )
+    for name in SHORT[:3]:
+        assert any(name[:12] in text for text in seen), seen
