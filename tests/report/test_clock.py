@@ -12,7 +12,7 @@ LEAP_2017 = 1930 * 7 * 86400.0 + 17.0
 
 
 def test_utc_of_a_known_log():
-    """RTKLIB prints 2025-07-09 19:34:18.0 GPS time for week 2374, second 329658 of the week: Wednesday, 3.8155 days."""
+    """Week 2374 began on Sunday, 2025-07-06; GPS time has been 18 s ahead since 2017."""
     epoch = GpsEpoch(2374, 3 * 86400.0 + 19 * 3600.0 + 34 * 60.0)
     assert utc_text(epoch, 18.0) == "2025-07-09 19:34:00"
     assert utc_text(epoch, 17.99) == "2025-07-09 19:33:59"
@@ -60,3 +60,12 @@ def test_a_leap_second_within_the_run():
     assert change == pytest.approx(start + 101.0)
     assert after == before - 1.0
     assert datetime.fromtimestamp(after + change, UTC) == datetime(2017, 1, 1, tzinfo=UTC)
+
+
+def test_a_log_that_begins_in_a_later_week_than_its_epoch():
+    found = clock_of(GpsEpoch(1929, 604700.0), 150.0, 700_000.0)
+    assert found is not None
+    assert (found["week"], found["tow"]) == (1930, -100.0)
+    before = clock_of(GpsEpoch(1929, 100.0), -150.0, 700.0)
+    assert before is not None
+    assert (before["week"], before["tow"]) == (1928, 604900.0)

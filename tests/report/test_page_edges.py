@@ -301,14 +301,15 @@ def test_gnss_at_rest():
     assert 0.9 < north - south < 50.0
 
 
-def test_ten_hours_stay_small(drive):
-    n = 360_000
+@pytest.mark.parametrize("hours", [2, pytest.param(10, marks=pytest.mark.slow)])
+def test_many_hours_stay_small(hours):
+    n = 36_000 * hours
     rng = np.random.default_rng(1)
     time = 0.1 * np.arange(n)
     lat = 0.8 + 1e-7 * np.cumsum(rng.standard_normal(n))
     triad = rng.standard_normal((n, 3))
     forward = Trajectory(time, lat, np.full(n, 0.2), np.zeros(n), triad, triad, abs(triad), abs(triad), abs(triad))
-    m = 36_000
+    m = 3600 * hours
     position = records(m, "gnss_position", 3)
     fixes = GnssLog(position.time, lat[::10], np.full(m, 0.2), np.zeros(m), np.ones((m, 3)))
     page = checked(Result(forward, forward, position, fixes=fixes))

@@ -7,8 +7,10 @@ import pytest
 
 from navfuse.analysis.consistency import nis_summary
 from navfuse.analysis.metrics import compare
-from navfuse.data.result import Innovations
-from navfuse.report.verdict import judge, length, metres
+from navfuse.data.gps_epoch import GpsEpoch
+from navfuse.data.result import Innovations, Result
+from navfuse.report.quality import separation
+from navfuse.report.verdict import judge, length, metres, moment
 
 
 def verdict_of(result, truth=None, **changes):
@@ -32,7 +34,7 @@ def test_a_good_run_looks_sound(drive):
 def test_cards_hold_the_numbers_that_matter(drive):
     cards = {card.label: card for card in verdict_of(*drive).cards}
     assert cards["Duration"].value == "2 min"
-    assert cards["Duration"].detail == "1000.0 to 1120.0 s, 10 Hz"
+    assert cards["Duration"].detail == "log time 1000.0 to 1120.0 s, 10 Hz"
     assert cards["Distance"].value == "1.2 km"
     assert cards["GNSS positions used"].value == "96"
     assert cards["GNSS positions used"].detail == "3 rejected, 20 withheld"
@@ -124,6 +126,79 @@ def test_worst_points_come_first(drive):
     levels = [point.level for point in verdict_of(drive[0], innovations=changed, warnings=("look",)).points]
     assert levels == sorted(levels, key=["bad", "check", "info"].index)
     assert levels[0] == "bad"
+
+
+def test_the_error_card_has_percentiles(drive):
+    cards = {card.label: card for card in verdict_of(*drive).cards}
+    metric = compare(drive[0].forward, drive[1]).statistics["position_horizontal"]
+    assert f"CEP50 {metres(metric.p50)}, CEP95 {metres(metric.p95)}" in cards["True error of the filter"].detail
+
+
+@pytest.mark.parametrize(("stretch", "seconds", "told"), [(1.0, 400.0, False), (3.0, 400.0, True), (3.0, 120.0, False)])
+def test_filter_and_smoother_too_far_apart(make_drive, stretch, seconds, told):
+    """Sigmas a third of what they should be are found from the difference alone, in a run long enough to tell."""
+    result, _ = make_drive(seconds, 5.0)
+    forward, smoothed = (
+        replace(one, sd_position=one.sd_position / stretch, sd_velocity=one.sd_velocity / stretch, sd_attitude=None)
+        for one in (result.forward, result.smoothed)
+    )
+    verdict = judge(result, nis_summary(result.innovations), {}, separation(forward, smoothed))
+    points = [point for point in verdict.points if "further apart" in point.text]
+    assert [point.level for point in points] == (["info"] if told else [])
+    if told:
+        assert "position 2." in points[0].text or "position 3." in points[0].text
+
+
+def test_a_trajectory_alone_is_not_blamed_for_what_it_cannot_have(drive):
+    result, truth = drive
+    bare = Result(result.smoothed)
+    verdict = judge(bare, {}, {"solution": compare(result.smoothed, truth)}, bare=True)
+    assert "No GNSS" not in text_of(verdict)
+    assert not any(card.label.startswith("GNSS") for card in verdict.cards)
+    good = judge(bare, {}, {}, bare=True)
+    assert good.headline == "A trajectory and its errors; nothing here speaks against it"
+    details = {card.label: card.detail for card in good.cards}
+    assert "1 sigma, solution" in details["Expected error at the end"]
+
+
+def test_moments_have_a_clock_where_it_is_known(drive):
+    epoch = GpsEpoch(2374, 243258.0)
+    assert moment(3.7, epoch) == "3.7 s (19:34:03 UTC)"
+    assert moment(3.7, None) == "3.7 s"
+    verdict = verdict_of(drive[0], epoch=epoch)
+    assert "from 1059.0 s (19:51:39 UTC) to 1080.0 s (19:52:00 UTC)" in text_of(verdict)
+    assert "from 2025-07-08 19:50:40 UTC" in verdict.cards[0].detail
+
+
+@pytest.mark.parametrize("sd", [None, np.full((1201, 3), np.nan)])
+def test_an_accuracy_that_is_not_known(drive, sd):
+    result = drive[0]
+    unknown = {
+        card.label: card.value
+        for card in verdict_of(replace(result, smoothed=replace(result.smoothed, sd_position=sd))).cards
+    }
+    assert unknown["Expected error"] == "unknown"
+
+
+def test_an_accuracy_that_is_known_in_part(drive):
+    result = drive[0]
+    sd = result.smoothed.sd_position.copy()
+    worst = np.argmax(np.hypot(sd[:, 0], sd[:, 1]))
+    sd[:300] = np.nan
+    cards = {
+        card.label: card
+        for card in verdict_of(replace(result, smoothed=replace(result.smoothed, sd_position=sd))).cards
+    }
+    assert worst >= 300
+    assert f"at {result.smoothed.time[worst]:.1f} s" in cards["Expected error at worst"].detail
+
+
+@pytest.mark.parametrize(("factor", "text"), [(1.15, "nearly consistent"), (1.6, "overconfident by factor 1.60")])
+def test_a_small_excess_is_no_alarm(drive, factor, text):
+    records = drive[0].innovations
+    changed = replace(records, nis=factor**2 * records.dof * np.ones(119), status=np.full(119, "used"))
+    cards = {card.label: card.value for card in verdict_of(drive[0], innovations=changed).cards}
+    assert cards["GNSS consistency"] == text
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import date, timedelta
 
-from navfuse.data.gps_epoch import GpsEpoch
+from navfuse.data.gps_epoch import WEEK, GpsEpoch
 from navfuse.io.gps_time import DAY, leap_seconds
 
 _FIRST = date(1980, 1, 6)
@@ -35,10 +35,10 @@ def utc_clock(epoch: GpsEpoch | None, time: float) -> str:
 
 
 def clock_of(epoch: GpsEpoch | None, start: float, end: float) -> dict[str, object] | None:
-    """What the page's script needs to write a clock: week, seconds of week at log time zero, and Unix time.
+    """What the page's script needs to write a clock: week at the start, its second at log time zero, and Unix time.
 
-    ``unix`` lists (from log time [s], Unix time of log time zero [s]): two of them where a leap second falls into the
-    run.
+    Past the end of that week the seconds count on. ``unix`` lists (from log time [s], Unix time of log time zero [s]):
+    two of them where a leap second falls into the run.
     """
     if epoch is None:
         return None
@@ -47,4 +47,5 @@ def clock_of(epoch: GpsEpoch | None, start: float, end: float) -> dict[str, obje
     if last != first:
         day = int((epoch.seconds + end - last) // DAY)
         unix.append((day * DAY + last - epoch.seconds, epoch.seconds + _UNIX_OF_GPS - last))
-    return {"week": epoch.week, "tow": epoch.tow, "unix": unix}
+    weeks = int((epoch.tow + start) // WEEK)
+    return {"week": epoch.week + weeks, "tow": epoch.tow - weeks * WEEK, "unix": unix}

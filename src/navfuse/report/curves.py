@@ -188,10 +188,13 @@ def panel(
 
 
 def digits(value: float) -> str:
-    """Three significant digits, for sentences."""
+    """Three significant digits, for sentences; more before the point where there are more."""
+    size = abs(value)
     if not np.isfinite(value):
         return "unknown"
-    return f"{value:.3g}" if 1e-4 <= abs(value) < 1e4 or value == 0.0 else f"{value:.2e}"
+    if size >= 1e6 or 0.0 < size < 1e-4:
+        return f"{value:.2e}"
+    return f"{value:.0f}" if size >= 100.0 else f"{value:.3g}"
 
 
 def rms(values: Array) -> float:

@@ -3,11 +3,11 @@ const symbols = { used: "circle", reset: "star", rejected: "x-thin-open", withhe
 const glyphs = { reset: "★", rejected: "✕", withheld: "◇", late: "△", unused: "○" };
 const marks = new Set(["rejected", "withheld", "reset", "late", "unused"]);
 
-// Nine tenths of a band: what it is at its widest, in the first seconds, would squash the rest.
+// Nearly all of a band: what it is at its widest, in the first seconds, would squash the rest.
 function reachOf(curve, range) {
   const first = Math.max(lowerBound(curve.x, range[0]) - 1, 0), last = lowerBound(curve.x, range[1]) + 1;
   const sorted = curve.y2.slice(first, last).filter(Number.isFinite).sort();
-  return sorted.length ? 1.1 * sorted[Math.floor(0.9 * (sorted.length - 1))] : 0;
+  return sorted.length ? 1.1 * sorted[Math.floor(0.97 * (sorted.length - 1))] : 0;
 }
 
 function extent(curve, range) {
