@@ -30,7 +30,7 @@ def comparison(folder: Path) -> Path:
     write_logs(folder, logs)
     text = f'[imu]\nfile = "imu.parquet"\ngrade = "industrial-mems"\n[gnss]\nfile = "gnss.csv"\nlever_arm_m = {toml_value(lever)}\n'
     (folder / "project.toml").write_text(text, encoding="utf-8")
-    arguments = ("--estimators", "ekf,ukf", "--truth", folder / "truth.parquet", "-o", folder / "out", "-q")
+    arguments = ("--estimators", "ekf,iekf", "--truth", folder / "truth.parquet", "-o", folder / "out", "-q")
     _command("compare-filters", folder / "project.toml", *arguments)
     return folder / "out" / "comparison.html"
 
