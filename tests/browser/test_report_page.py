@@ -62,8 +62,10 @@ def test_a_double_click_shows_everything_again(report, charts):
     chart = charts[0].show()
     chart.drag(0.3, 0.5)
     assert chart.range() != pytest.approx(whole, abs=0.01)
-    report.page.mouse.dblclick(*chart.point(0.5))
-    chart.wait_for(whole)
+    for _ in range(10):  # two clicks count as one only within 0.3 s, which a busy machine may miss
+        report.page.mouse.dblclick(*chart.point(0.5))
+        if chart.range() == pytest.approx(whole, abs=0.01):
+            break
     assert_all_show(charts, whole)
 
 
@@ -91,6 +93,7 @@ def test_the_keyboard_moves_window_and_cursor_of_every_plot(report, charts):
     start, end = charts[0].range()
     length = end - start
     charts[1].focus()
+    press("Escape")
     press("+")
     assert_all_show(charts, (start + 0.25 * length, start + 0.75 * length))
     press("Shift+ArrowRight")
