@@ -44,17 +44,20 @@ from navfuse.errors import (  # noqa: E402
 )
 
 if TYPE_CHECKING:
+    from navfuse import figures
     from navfuse.analysis.metrics import compare
     from navfuse.comparison import compare_filters
     from navfuse.config import Project, load_project
     from navfuse.data.logs import GnssLog, ImuLog
     from navfuse.data.result import Result
     from navfuse.data.trajectory import Trajectory
+    from navfuse.export_files import export
     from navfuse.io.gnss_table import read_gnss
     from navfuse.io.imu_table import read_imu
     from navfuse.io.result_folder import read_result
     from navfuse.io.trajectory_table import read_trajectory
     from navfuse.pipeline import process
+    from navfuse.report.figures_files import plot
     from navfuse.scenario_files import simulate_scenario
 
 __version__ = "0.1.0"
@@ -67,7 +70,9 @@ _HOMES = {
     "Trajectory": "navfuse.data.trajectory",
     "compare": "navfuse.analysis.metrics",
     "compare_filters": "navfuse.comparison",
+    "export": "navfuse.export_files",
     "load_project": "navfuse.config",
+    "plot": "navfuse.report.figures_files",
     "process": "navfuse.pipeline",
     "read_gnss": "navfuse.io.gnss_table",
     "read_imu": "navfuse.io.imu_table",
@@ -75,6 +80,8 @@ _HOMES = {
     "read_trajectory": "navfuse.io.trajectory_table",
     "simulate_scenario": "navfuse.scenario_files",
 }
+
+_MODULES = ("figures",)
 
 __all__ = [
     "AlignmentError",
@@ -92,7 +99,10 @@ __all__ = [
     "__version__",
     "compare",
     "compare_filters",
+    "export",
+    "figures",
     "load_project",
+    "plot",
     "process",
     "read_gnss",
     "read_imu",
@@ -104,11 +114,11 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Import the home of a public name when it is first asked for, which keeps ``import navfuse`` cheap."""
-    if name not in _HOMES:
+    if name not in _HOMES and name not in _MODULES:
         raise AttributeError(f"module 'navfuse' has no attribute {name!r}")
     from importlib import import_module
 
-    value = getattr(import_module(_HOMES[name]), name)
+    value = import_module(f"navfuse.{name}") if name in _MODULES else getattr(import_module(_HOMES[name]), name)
     globals()[name] = value
     return value
 

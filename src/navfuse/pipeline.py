@@ -99,8 +99,7 @@ def process(
         contradictions = run_warnings(result, project.gnss.outages_s)
         for note in (*contradictions, *silence(result, project.gnss.outages_s)):
             _warn(note)
-    notes = dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, NavfuseWarning))
-    result = replace(result, warnings=tuple(notes))
+    result = replace(result, warnings=tuple(dict.fromkeys(_texts(caught))))
     summary = summarize_run(
         result,
         settings=project.settings(),
@@ -124,8 +123,9 @@ def run_project(
 ) -> Result:
     """Process a project file and write the result folder.
 
-    Writes the tables of :mod:`navfuse.io.result_folder` in every format of ``[output] formats``, ``summary.json`` and,
-    unless switched off, ``report.html``. They appear together or not at all.
+    Writes the tables of :mod:`navfuse.io.result_folder` and the best trajectory for other programs
+    (:mod:`navfuse.io.exports`) in the formats of ``[output] formats``, ``summary.json`` and, unless switched off,
+    ``report.html``. They appear together or not at all.
 
     Raises
     ------
@@ -141,12 +141,44 @@ def run_project(
     refuse_to_replace(project_inputs(project, path), folder, RUN_NAMES)
     with atomic_folder(folder, stale=RUN_NAMES) as staging:
         result = process(project, progress=progress)
-        write_result(staging, result, project.output.formats)
+        result = _exported(staging, result, project, Path(path).stem)
+        write_result(staging, result, project.output.tables)
         if report:
             from navfuse.report.page import write_report
 
             write_report(staging / "report.html", result, title=Path(path).stem)
     return result
+
+
+def _exported(staging: Path, result: Result, project: Project, name: str) -> Result:
+    """Write the formats of other programs; one that cannot be written costs a warning, not the run.
+
+    Returns
+    -------
+    Result
+        With those warnings.
+    """
+    from navfuse.export_files import export_result
+
+    output = project.output
+    if not output.exports:
+        return result
+    with collected_warnings() as caught:
+        refused = export_result(
+            staging,
+            result,
+            output.exports,
+            point=output.export_point,
+            height=output.export_height,
+            geoid=output.export_geoid,
+            rate_hz=output.export_rate_hz,
+            name=name,
+        )
+        for format_, reason in refused.items():
+            _warn(f'output.formats: "{format_}" is not written: {reason}')
+    notes = tuple(dict.fromkeys((*result.warnings, *_texts(caught))))
+    verdict = result.summary["verdict"] | {"warnings": len(notes)}
+    return replace(result, warnings=notes, summary=result.summary | {"warnings": list(notes), "verdict": verdict})
 
 
 def project_inputs(project: Project, path: str | os.PathLike[str]) -> list[Path]:
@@ -528,6 +560,10 @@ def collected_warnings() -> Iterator[list[warnings.WarningMessage]]:
             if str(entry.message) not in shown:
                 shown.add(str(entry.message))
                 warnings.warn_explicit(entry.message, entry.category, entry.filename, entry.lineno)
+
+
+def _texts(caught: list[warnings.WarningMessage]) -> list[str]:
+    return [str(entry.message) for entry in caught if issubclass(entry.category, NavfuseWarning)]
 
 
 def _warn(text: str) -> None:

@@ -198,7 +198,12 @@ def test_unknown_keys_name_the_nearest(data, message):
         ("filter", "frame", "enu", 'filter.frame = "enu": must be "ned" or "ecef"'),
         ("aiding", "nonholonomic", True, "the land vehicle constraint is not available yet"),
         ("output", "rate_hz", -1.0, "output.rate_hz = -1.0: must be >= 0"),
-        ("output", "formats", ["kml"], '"kml" is not a format that can be written; there are parquet, csv'),
+        ("output", "formats", ["kmz"], '"kmz" is not a format that can be written; there are parquet, csv, kml, gpx'),
+        ("output", "export_point", "roof", "output.export_point"),
+        ("output", "export_point", [0.0, 0.0, 2e3], "must be >= -1000 and <= 1000"),
+        ("output", "export_rate_hz", 0.0, "must be > 0 and <= 1000"),
+        ("output", "export_height", "msl", "output.export_height"),
+        ("output", "export_geoid", "egm84", "output.export_geoid"),
         ("output", "formats", [], "must name at least one of parquet, csv"),
     ],
 )
@@ -273,6 +278,13 @@ def test_a_given_start_has_standard_deviations():
 def test_repeated_choices_count_once():
     assert project(gnss={"use": ["position", "position"]}).gnss.use == ("position",)
     assert project(output={"formats": ["csv", "csv"]}).output.formats == ("csv",)
+
+
+def test_formats_of_tables_and_of_other_programs():
+    output = project(output={"formats": ["kml", "csv", "gpx"], "export_point": [1.0, 0.0, -1.0]}).output
+    assert (output.tables, output.exports, output.export_point) == (("csv",), ("kml", "gpx"), (1.0, 0.0, -1.0))
+    assert project(output={"formats": ["kml"]}).output.tables == ("parquet",)
+    assert (project().output.tables, project().output.exports) == (("parquet",), ())
 
 
 def test_error_model_of_the_benchmark_in_si_units():

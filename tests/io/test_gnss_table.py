@@ -96,8 +96,12 @@ def test_time_offset_that_is_not_finite(write, gnss, offset):
 
 
 def test_epoch_of_a_native_table(write, gnss):
-    with pytest.raises(ConfigError, match=r"epoch = \(2374, 0\.0\)"):
-        read_gnss(write(gnss), epoch=(2374, 0.0))
+    log = read_gnss(write(gnss), epoch=(2374, 7.0))
+    assert log.epoch == (2374, 7.0)
+    np.testing.assert_array_equal(log.time, read_gnss(write(gnss)).time)
+    assert read_gnss(write(gnss)).epoch is None
+    with pytest.raises(ConfigError, match=r"epoch = \(2374, -1\.0\)"):
+        read_gnss(write(gnss), epoch=(2374, -1.0))
 
 
 @BOTH

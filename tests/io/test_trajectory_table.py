@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import InputError, NavfuseWarning, OutputError
+from navfuse.io.gnss_table import read_gnss
 from navfuse.io.tables import open_table
 from navfuse.io.trajectory_table import read_trajectory, write_trajectory
 
@@ -174,3 +175,52 @@ def test_truth_of_the_car(shared_data):
     assert len(truth) == 36001
     assert truth.sd_position is None
     np.testing.assert_allclose(np.degrees(truth.attitude[0]), [0.0, 0.738801, 35.0], atol=1e-6)
+
+
+def test_an_rtklib_solution(shared_data):
+    """A whole .pos of RTKPOST is a trajectory: where every row has a velocity, with it; no standard deviations."""
+    path = shared_data / "taroz-matrtklib" / "rover_rtk.pos"
+    read = read_trajectory(path)
+    assert len(read) == 301
+    np.testing.assert_allclose(np.degrees([read.lat[0], read.lon[0]]), [35.134699011, 136.977575483], rtol=0, atol=1e-9)
+    assert read.height[0] == 104.8619
+    assert read.velocity_n is not None
+    np.testing.assert_allclose(read.velocity_n[0], [0.00141, -0.00126, 0.01073], rtol=0, atol=1e-12)
+    assert read.sd_position is None
+    assert read.source == str(path)
+
+
+POS = "%  GPST latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m) vn(m/s) ve(m/s) vu(m/s) sdvn sdve sdvu"
+
+
+def pos(*rows: tuple[int, float, float]) -> str:
+    """A .pos file of rows of Q, standard deviation and velocity north."""
+    lines = [
+        f"2024/06/24 08:20:0{k}.000 48.0000{k} 11.5 500 {q} 9 {sd} {sd} {sd} {v} 0 0 {0.1 * v} {0.1 * v} {0.1 * v}"
+        for k, (q, sd, v) in enumerate(rows)
+    ]
+    return "\n".join([POS, *lines]) + "\n"
+
+
+def test_an_rtklib_solution_where_some_rows_have_no_velocity(write):
+    read = read_trajectory(write(pos((1, 0.01, 1.1), (1, 0.01, 0.0), (1, 0.01, 1.1)), "t.pos"))
+    assert len(read) == 3
+    assert read.velocity_n is None
+
+
+def test_an_rtklib_solution_with_dead_reckoning_and_no_sigmas(write):
+    """A measurement it could not be, and is refused as such; a trajectory it is, but for the row without a position."""
+    path = write(pos((1, 0.0, 1.1), (7, 0.0, 1.1), (0, 0.0, 1.1), (5, 0.0, 1.1)), "t.pos")
+    with pytest.raises(InputError, match="would mean a perfect measurement"):
+        read_gnss(path)
+    with pytest.warns(NavfuseWarning, match="1 of 4 rows hold no position"):
+        read = read_trajectory(path)
+    np.testing.assert_allclose(np.degrees(read.lat), [48.0, 48.00001, 48.00003], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(read.velocity_n, np.tile([1.1, 0.0, 0.0], (3, 1)), rtol=0, atol=1e-12)
+    assert read.sd_velocity is None
+
+
+@pytest.mark.parametrize("name", ["t.pos", "t.sbet"])
+def test_trajectories_of_others_that_are_not_there(tmp_path, name):
+    with pytest.raises(InputError, match="there is no such file"):
+        read_trajectory(tmp_path / name)

@@ -102,10 +102,15 @@ def covered(epochs: Array, time: Array, max_gap_s: float | None = None) -> Array
         True where interpolation is meaningful; an epoch itself always is.
     """
     intervals = np.diff(epochs)
-    limit = max(1.0, 5.0 * float(np.median(intervals))) if max_gap_s is None else max_gap_s
+    limit = longest_bridged(epochs) if max_gap_s is None else max_gap_s
     left = _left(epochs, time)
     at_epoch = (time == epochs[left]) | (time == epochs[left + 1])
     return (time >= epochs[0]) & (time <= epochs[-1]) & (at_epoch | (intervals[left] <= limit))
+
+
+def longest_bridged(epochs: Array) -> float:
+    """Longest interval [s] between epochs (m,) that is no gap: the larger of 1 s and five median intervals."""
+    return max(1.0, 5.0 * float(np.median(np.diff(epochs))))
 
 
 def interpolate(states: EarthStates, time: Array) -> EarthStates:

@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 
 from navfuse import __version__
-from navfuse.cli import allan, compare, compare_filters, config, demo, montecarlo, noise, run, simulate
+from navfuse.cli import allan, compare, compare_filters, config, demo, export, montecarlo, noise, plot, run, simulate
 from navfuse.errors import NavfuseError, NavfuseWarning
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -34,6 +34,9 @@ app.command("compare", short_help="Compare a trajectory with a truth.")(compare.
 app.command("compare-filters", short_help="Run a project with several estimators, side by side.")(
     compare_filters.compare_filters
 )
+app.command("export", short_help="A trajectory for other programs: KML, GPX, GeoJSON, NMEA, SBET, ...")(export.export)
+app.command("convert", hidden=True)(export.export)
+app.command("plot", short_help="Figures for papers from the folder of a run.")(plot.plot)
 app.command("simulate", short_help="Simulate a scenario: logs, truth, project file.")(simulate.simulate)
 app.command("scenarios", short_help="List the scenarios that come along.")(simulate.scenarios)
 app.command("montecarlo", short_help="Simulate many runs; is the filter as good as it says?")(montecarlo.montecarlo)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import ValidationInfo, field_validator, model_validator
 
 from navfuse.config.keys import Matrix, Number, Section, Vector, Week, key
-from navfuse.io.result_folder import FORMATS
+from navfuse.io.result_folder import EXPORTS, FORMATS
 
 PerAxis = Number | Vector
 
@@ -418,14 +418,53 @@ class OutputConfig(Section):
     rate_hz: Number = key(
         10.0, "Hz", "Rate of the output trajectories; 0 for every IMU sample.", least=0.0, most=1000.0
     )
-    formats: tuple[str, ...] = key(("parquet",), "", f"Formats of the tables: {', '.join(FORMATS)}.", shown=True)
+    formats: tuple[str, ...] = key(
+        ("parquet",),
+        "",
+        f"Formats of the tables: {', '.join(FORMATS)} (parquet where neither is named); and of the best trajectory for "
+        f"other programs: {', '.join(EXPORTS)}.",
+        shown=True,
+    )
+    export_point: Literal["imu", "antenna"] | Vector = key(
+        "imu",
+        "",
+        "Whose trajectory the other programs get: 'imu', 'antenna', or a lever arm from the IMU [m]: forward, right, "
+        "down.",
+        least=-1000.0,
+        most=1000.0,
+    )
+    export_rate_hz: Number | None = key(
+        None,
+        "Hz",
+        "Rate of the trajectories for other programs. Left out: that of the tables.",
+        above=0.0,
+        most=1000.0,
+        example=1.0,
+    )
+    export_height: Literal["ellipsoid", "geoid"] = key(
+        "ellipsoid", "", "Heights in pos and sbet; kml, gpx and nmea have the geoid, geojson the ellipsoid in any case."
+    )
+    export_geoid: Literal["egm96", "egm2008"] = key(
+        "egm96", "", "Which geoid: 'egm96' comes along, 'egm2008' needs the grid of PROJ."
+    )
 
     @field_validator("formats")
     @classmethod
     def _known(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         for name in value:
-            if name not in FORMATS:
-                raise ValueError(f'"{name}" is not a format that can be written; there are {", ".join(FORMATS)}')
+            if name not in (*FORMATS, *EXPORTS):
+                known = ", ".join((*FORMATS, *EXPORTS))
+                raise ValueError(f'"{name}" is not a format that can be written; there are {known}')
         if not value:
             raise ValueError(f"must name at least one of {', '.join(FORMATS)}")
         return tuple(dict.fromkeys(value))
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Formats of the tables: those named, or Parquet."""
+        return tuple(name for name in self.formats if name in FORMATS) or FORMATS[:1]
+
+    @property
+    def exports(self) -> tuple[str, ...]:
+        """Formats of other programs."""
+        return tuple(name for name in self.formats if name in EXPORTS)

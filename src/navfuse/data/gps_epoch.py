@@ -7,6 +7,8 @@ from typing import NamedTuple
 from navfuse.errors import ConfigError
 
 WEEK = 604800.0
+_MOST_WEEKS = 100_000
+"""Nineteen centuries: beyond that a week is not a week number but seconds."""
 
 
 class GpsEpoch(NamedTuple):
@@ -32,7 +34,7 @@ class GpsEpoch(NamedTuple):
         ConfigError
             If this is not a week number and seconds of a week.
         """
-        if not (week == int(week) and week >= 0 and 0.0 <= tow < WEEK):
+        if not (0 <= week < _MOST_WEEKS and week == int(week) and 0.0 <= tow < WEEK):
             raise ConfigError(
                 f"epoch = {(week, tow)} has to be a GPS week number and the seconds of the week, 0 to 604800"
             )

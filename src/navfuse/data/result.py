@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from navfuse.data.gps_epoch import GpsEpoch
+from navfuse.data.imu_overview import ImuOverview
 from navfuse.data.logs import GnssLog
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import InputError

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from navfuse.data.imu_overview import ImuOverview
@@ -11,6 +13,8 @@ Array = np.ndarray
 
 STRETCHES = 600
 SEGMENT = 2048
+SEGMENTS = 200
+"""More of them are thinned out evenly: the mean of 200 is good to 7 %, and an hour at 200 Hz takes no time."""
 LEAST_SEGMENT = 64
 GAP_STEPS = 1.5
 """A step longer than so many median steps is a gap."""
@@ -20,8 +24,8 @@ def imu_overview(imu: ImuLog) -> ImuOverview:
     """What an inertial log looks like.
 
     The spectra are Welch's averages (P. Welch, IEEE Trans. Audio Electroacoust. 15, 1967): Hann windows of up to 2048
-    samples, half overlapping, the mean of each taken out. They take the samples as evenly spaced, in runs between gaps
-    only. Of increments they are those of the mean rate over each step.
+    samples, half overlapping, at most 200 of them spread over the log, the mean of each taken out. They take the
+    samples as evenly spaced, between gaps. Of increments they are those of the mean rate over each step.
 
     Parameters
     ----------
@@ -58,20 +62,14 @@ def _spectra(imu: ImuLog, usual: float, gaps: Array) -> tuple[Array, Array, Arra
     from scipy.signal import welch
 
     first = 1 if imu.kind == "increments" else 0
-    edges = np.concatenate(([first], gaps + 1, [imu.time.size]))
-    runs = [(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
-    longest = max(b - a for a, b in runs)
-    segment = min(SEGMENT, longest)
+    runs = list(pairwise([first, *(gaps + 1).tolist(), imu.time.size]))
+    segment = min(SEGMENT, max(b - a for a, b in runs))
     if segment < LEAST_SEGMENT:
         return np.empty(0), np.empty((0, 3)), np.empty((0, 3))
-    scale = 1.0 / usual if imu.kind == "increments" else 1.0
-    frequency, total, weight = np.empty(0), np.zeros((segment // 2 + 1, 6)), 0
-    for a, b in runs:
-        if b - a < segment:
-            continue
-        piece = np.column_stack((imu.gyro[a:b], imu.accel[a:b])).T * scale
-        frequency, psd = welch(piece, fs=1.0 / usual, nperseg=segment, axis=1)
-        total += psd.T * (b - a)
-        weight += b - a
-    total /= weight
-    return frequency[1:], total[1:, :3], total[1:, 3:]
+    half = segment // 2
+    starts = np.concatenate([np.arange(a, b - segment + 1, half) for a, b in runs])
+    chosen = starts[np.linspace(0, starts.size - 1, min(starts.size, SEGMENTS)).astype(np.int64)]
+    rows = (chosen[:, np.newaxis] + np.arange(segment)).ravel()
+    samples = np.hstack((imu.gyro[rows], imu.accel[rows])).T / (usual if imu.kind == "increments" else 1.0)
+    frequency, psd = welch(samples, fs=1.0 / usual, nperseg=segment, noverlap=0, axis=1)
+    return frequency[1:], psd[:3, 1:].T, psd[3:, 1:].T

@@ -111,7 +111,7 @@ def fit_turns(increments: ImuIncrements, gnss: GnssLog) -> TurnFit | None:
     """
     grid, heading = _turned(increments)
     longest = STEP_S * round(min(LONGEST_LAG_S, LAG_SHARE * (grid[-1] - grid[0])) / STEP_S)
-    begin, end, course, weight = _changes_of_course(gnss, grid[0] + longest, grid[-1] - longest)
+    begin, end, course, weight = changes_of_course(gnss, grid[0] + longest, grid[-1] - longest)
     if course.size < FEWEST:
         return None
     share = weight / weight.sum()
@@ -173,7 +173,7 @@ def _turned(increments: ImuIncrements) -> tuple[Array, Array]:
     return grid, np.concatenate([[0.0], np.cumsum(-np.sum(up[1:] * np.diff(theta, axis=0), axis=1))])
 
 
-def _changes_of_course(gnss: GnssLog, first: float, last: float) -> tuple[Array, Array, Array, Array]:
+def changes_of_course(gnss: GnssLog, first: float, last: float) -> tuple[Array, Array, Array, Array]:
     """Begin, end [s], change of course [rad] and weight of some intervals in which it goes fast enough."""
     if gnss.velocity_n is not None and np.isfinite(gnss.velocity_n).all(axis=1).mean() > 0.5:
         rows = np.flatnonzero(np.isfinite(gnss.velocity_n).all(axis=1))

@@ -37,8 +37,8 @@ and last for minutes.
 """
 DEFAULT_SD_VELOCITY = (0.2, 0.2, 0.4)
 """Standard deviations [m/s] north, east, down of Doppler velocity where a file gives none."""
-NO_FIX = frozenset(("none", "no-fix", "no fix", "nofix", "invalid", "0", "0.0"))
-"""Fix types, in lower case, whose rows hold no position."""
+NO_FIX = frozenset(("none", "no-fix", "no fix", "nofix", "invalid", "0", "0.0", "dead-reckoning"))
+"""Fix types, in lower case, whose rows hold no position, or none by satellites."""
 
 
 @dataclass(frozen=True, slots=True)

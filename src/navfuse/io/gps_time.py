@@ -9,6 +9,12 @@ from __future__ import annotations
 
 from datetime import date
 
+import numpy as np
+
+from navfuse.data.gps_epoch import GpsEpoch
+
+Array = np.ndarray
+
 WEEK = 604800.0
 DAY = 86400.0
 
@@ -56,3 +62,51 @@ def leap_seconds(days: int) -> int:
         0 to 18; the last value is kept for days after the table.
     """
     return sum(days >= leap for leap in _LEAP_DAYS)
+
+
+def utc_of_gps(ticks: Array, per_second: int = 1) -> tuple[Array, Array]:
+    """UTC day and time of day of GPS times.
+
+    Parameters
+    ----------
+    ticks : (n,) int64 array
+        GPS time since 1980-01-06, in fractions of a second so that nothing is rounded here.
+    per_second : int
+        Ticks of a second.
+
+    Returns
+    -------
+    days : (n,) int64 array
+        UTC days since 1980-01-06.
+    ticks_of_day : (n,) int64 array
+        0 up to ``86400 * per_second``; beyond that, by less than a second, in the leap second that ends a day: it is
+        23:59:60.
+    """
+    day = int(DAY) * per_second
+    leaps = np.array([leap * day + before * per_second for before, leap in enumerate(_LEAP_DAYS)], dtype=np.int64)
+    before = np.searchsorted(leaps, ticks, side="right")
+    in_leap = (before > 0) & (ticks < leaps[before - 1] + per_second)
+    utc = ticks - np.where(in_leap, before - 1, before) * per_second
+    days, ticks_of_day = np.divmod(utc, day)
+    return days - in_leap, ticks_of_day + in_leap * day
+
+
+def log_times(epoch: GpsEpoch, utc: Array) -> Array:
+    """Log times of UTC stamps.
+
+    Parameters
+    ----------
+    epoch : GpsEpoch
+        GPS time from which log times count.
+    utc : (n,) array of datetime64[us]
+        Never inside a leap second, which this type does not have.
+
+    Returns
+    -------
+    (n,) array [s]
+    """
+    microseconds = (utc - np.datetime64("1980-01-06", "us")).astype(np.int64)
+    leaps = np.searchsorted(np.array(_LEAP_DAYS) * int(DAY) * 1_000_000, microseconds, side="right")
+    since = microseconds + (leaps - epoch.week * int(WEEK)) * 1_000_000
+    start = round(epoch.tow * 1e6)
+    return (since - start) / 1e6 - (epoch.tow - start / 1e6)

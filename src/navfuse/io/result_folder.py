@@ -25,9 +25,9 @@ import numpy as np
 from navfuse.core.constants import STANDARD_GRAVITY
 from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.data.imu_overview import ImuOverview
-from navfuse.data.logs import GnssLog
 from navfuse.data.result import COMPONENTS, Innovations, Result, StateHistory
 from navfuse.errors import InputError, NavfuseWarning
+from navfuse.io.exports import EXTENSIONS
 from navfuse.io.gnss_table import read_gnss
 from navfuse.io.json_file import write_json
 from navfuse.io.log_tables import write_gnss
@@ -39,8 +39,12 @@ Array = np.ndarray
 TABLES = ("forward", "smoothed", "innovations", "states", "fixes")
 FORMATS = ("parquet", "csv")
 """Formats in which a run can write its tables."""
+EXPORTS = tuple(name for name in EXTENSIONS if name not in FORMATS)
+"""Formats of other programs, in which a run can write its best trajectory beside the tables."""
 RUN_NAMES = tuple(
-    [f"{name}.{format_}" for name in TABLES for format_ in FORMATS] + ["imu.json", "summary.json", "report.html"]
+    [f"{name}.{format_}" for name in TABLES for format_ in FORMATS]
+    + [f"{name}{EXTENSIONS[format_]}" for name in ("forward", "smoothed") for format_ in EXPORTS]
+    + ["imu.json", "summary.json", "report.html"]
 )
 """Every file that ``navfuse run`` may write."""
 
@@ -196,18 +200,21 @@ def _overview_to_dict(overview: ImuOverview) -> dict[str, Any]:
 
 
 def _overview_from_dict(data: Mapping[str, Any], path: Path) -> ImuOverview:
-    names = tuple(_overview_to_dict(_EMPTY))
-    missing = [name for name in names if name not in data]
-    if missing:
-        raise InputError(f"{path}: lacks {', '.join(missing)}; run the project again")
-    arrays = {name: np.array(data[name], dtype=np.float64) for name in names}
-    for name in ("gyro_psd_rad2ps2phz", "accel_psd_m2ps4phz"):
-        arrays[name] = arrays[name].reshape(-1, 3)
-    time, rate, usual, *rest = arrays.values()
-    return ImuOverview(time, rate, float(usual), *rest)
+    def array(name: str) -> Array:
+        if name not in data:
+            raise InputError(f"{path}: lacks {name}; run the project again")
+        return np.array(data[name], dtype=np.float64)
 
-
-_EMPTY = ImuOverview(*(np.empty(0),) * 2, 0.0, *(np.empty(0),) * 3, *(np.empty((0, 3)),) * 2)
+    return ImuOverview(
+        time=array("time_s"),
+        rate=array("rate_hz"),
+        usual_rate=float(array("usual_rate_hz")),
+        gap_start=array("gap_start_s"),
+        gap_length=array("gap_length_s"),
+        frequency=array("frequency_hz"),
+        gyro_psd=array("gyro_psd_rad2ps2phz").reshape(-1, 3),
+        accel_psd=array("accel_psd_m2ps4phz").reshape(-1, 3),
+    )
 
 
 def _read_json(path: Path) -> dict[str, Any]:

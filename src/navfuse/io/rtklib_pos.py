@@ -24,8 +24,17 @@ from navfuse.io.gps_time import DAY, WEEK, days_since_epoch, leap_seconds
 
 Array = np.ndarray
 
-FIX_NAMES = {0: "none", 1: "rtk-fixed", 2: "rtk-float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp"}
-"""RTKLIB quality code Q -> fix type."""
+FIX_NAMES = {
+    0: "none",
+    1: "rtk-fixed",
+    2: "rtk-float",
+    3: "sbas",
+    4: "dgps",
+    5: "single",
+    6: "ppp",
+    7: "dead-reckoning",
+}
+"""RTKLIB quality code Q -> fix type (``SOLQ_...`` of ``rtklib.h``)."""
 
 _JST_OFFSET = 32400.0
 _DATE = re.compile(r"(\d{2,4})/(\d{1,2})/(\d{1,2})\s+(\d{1,2}):(\d{1,2}):(\d{1,2}(?:\.\d*)?)(.*)", re.DOTALL)
@@ -53,9 +62,9 @@ def parse_rtklib_pos(
 ) -> GnssLog:
     """Read an RTKLIB solution file.
 
-    Q becomes the fix type; rows with Q = 0 are left out. Velocities are used if the file has them; rows whose velocity
-    and its standard deviations are all exactly zero have none. UTC and JST stamps are converted to GPS time with the
-    leap seconds of their date.
+    Q becomes the fix type; rows with Q = 0 and those of dead reckoning, Q = 7, are left out. Velocities are used if
+    the file has them; rows whose velocity and its standard deviations are all exactly zero have none. UTC and JST
+    stamps are converted to GPS time with the leap seconds of their date.
 
     Parameters
     ----------
@@ -81,13 +90,52 @@ def parse_rtklib_pos(
     ConfigError
         If the epoch is not a week number and seconds of week.
     """
+    return _log(path, time_offset_s, epoch, lambda rows: (rows, stated))
+
+
+def parse_rtklib_track(path: Path) -> GnssLog:
+    """Read an RTKLIB solution file for where it was, as a trajectory and not as measurements.
+
+    Unlike :func:`parse_rtklib_pos` it takes the rows of dead reckoning too, and does not look at the standard
+    deviations, which may be zero: those of the log mean nothing.
+
+    Parameters
+    ----------
+    path : Path
+        An existing file.
+
+    Returns
+    -------
+    GnssLog
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used.
+    """
+
+    def unweighted(rows: GnssRows) -> tuple[GnssRows, StatedSigmas]:
+        fix = None if rows.fix is None else np.where(rows.fix == "none", "none", "")
+        one = np.ones(3)
+        stated = StatedSigmas(one, None if rows.velocity_n is None else one)
+        return replace(rows, fix=fix, sd_position=None, sd_velocity=None), stated
+
+    return _log(path, 0.0, None, unweighted)
+
+
+def _log(
+    path: Path,
+    time_offset_s: float,
+    epoch: tuple[int, float] | None,
+    used: Callable[[GnssRows], tuple[GnssRows, StatedSigmas]],
+) -> GnssLog:
     source = str(path)
     notes: list[str] = []
     layout, days, seconds, lines, data = _read_lines(path, source, notes)
     week, tow = start = (
         GpsEpoch(int((days[0] * DAY + seconds[0]) // WEEK), 0.0) if epoch is None else GpsEpoch.of(*epoch)
     )
-    rows = _rows((days - 7 * week) * DAY + (seconds - tow) + time_offset_s, data, layout)
+    rows, stated = used(_rows((days - 7 * week) * DAY + (seconds - tow) + time_offset_s, data, layout))
     ecef = layout.is_ecef
     names = GnssNames(
         "time",

@@ -1,115 +1,136 @@
-"""Figures for papers and the demo: matplotlib without its global state, so no window and no style left behind."""
+"""Figures for papers, one function each: a result in, a matplotlib figure out. ``navfuse.figures`` is this module.
+
+They are as wide as a column of a journal (or a slide), have a unit on every axis, and are told apart without colour.
+No window opens and no setting of matplotlib is left changed. :func:`plot` draws by name and writes files.
+"""
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from navfuse.analysis.metrics import ErrorSeries, errors
 from navfuse.data.result import Result
 from navfuse.data.trajectory import Trajectory
-from navfuse.report.panels import AXES, MAP_POINTS, UNITS, solutions_of
-from navfuse.report.series import NAMES, decimate, east_north, fix_status, gaps, origin_of
+from navfuse.errors import ConfigError
+from navfuse.report.figures_filter import (
+    figure_biases,
+    figure_innovations,
+    figure_nis,
+    figure_residuals,
+    figure_states,
+)
+from navfuse.report.figures_motion import (
+    figure_attitude,
+    figure_error_cdf,
+    figure_errors,
+    figure_map,
+    figure_position,
+    figure_separation,
+    figure_sigmas,
+    figure_velocity,
+)
+from navfuse.report.figures_sensors import figure_gnss_sigmas, figure_imu_rate, figure_satellites, figure_spectra
+from navfuse.report.figures_style import FigureUnavailable, Size, meant
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLORS = {"forward": "#2563c9", "smoothed": "#d9600a", "truth": "#3a3f47"}
-MARKERS = {
-    "used": {"marker": ".", "color": "#0e8a7d", "s": 6},
-    "reset": {"marker": "*", "color": "#a15c00", "s": 40},
-    "rejected": {"marker": "x", "color": "#c01f2e", "s": 24, "linewidths": 1.2},
-    "withheld": {"marker": "D", "facecolors": "none", "edgecolors": "#7c3aed", "s": 14, "linewidths": 0.8},
+__all__ = [
+    "FIGURES",
+    "FigureUnavailable",
+    "draw",
+    "figure_attitude",
+    "figure_biases",
+    "figure_error_cdf",
+    "figure_errors",
+    "figure_gnss_sigmas",
+    "figure_imu_rate",
+    "figure_innovations",
+    "figure_map",
+    "figure_nis",
+    "figure_position",
+    "figure_residuals",
+    "figure_satellites",
+    "figure_separation",
+    "figure_sigmas",
+    "figure_spectra",
+    "figure_states",
+    "figure_velocity",
+    "names_of",
+]
+
+FIGURES: dict[str, Callable[..., Figure]] = {
+    "map": figure_map,
+    "position": figure_position,
+    "velocity": figure_velocity,
+    "attitude": figure_attitude,
+    "errors": figure_errors,
+    "error_cdf": figure_error_cdf,
+    "sigmas": figure_sigmas,
+    "separation": figure_separation,
+    "innovations": figure_innovations,
+    "residuals": figure_residuals,
+    "nis": figure_nis,
+    "states": figure_states,
+    "biases": figure_biases,
+    "gnss_sigmas": figure_gnss_sigmas,
+    "satellites": figure_satellites,
+    "imu_rate": figure_imu_rate,
+    "spectra": figure_spectra,
 }
-CURVE_POINTS = 4000
+"""Name -> function, in the order of ``all``."""
 
 
-def figure_map(result: Result, truth: Trajectory | None = None) -> Figure:
-    """Map of the tracks and of the GNSS fixes by their fate, in metres east and north of the start, to scale."""
-    figure = _figure(7.0, 5.4)
-    axes = figure.add_subplot()
-    origin = origin_of(result.forward)
-    status = fix_status(result)
-    if result.fixes is not None and status is not None:
-        plane = east_north(result.fixes, origin)
-        for name, style in MARKERS.items():
-            chosen = status == name
-            if chosen.any():
-                axes.scatter(plane[chosen, 0], plane[chosen, 1], label=f"fixes {name}", zorder=2.0, **style)
-    for role, trajectory in solutions_of(result, truth).items():
-        plane = east_north(trajectory, origin)
-        rows = decimate(plane, MAP_POINTS)
-        dotted = ":" if role == "truth" else "-"
-        axes.plot(
-            plane[rows, 0], plane[rows, 1], dotted, color=COLORS[role], label=NAMES[role], linewidth=1.3, zorder=3.0
-        )
-    axes.plot(0.0, 0.0, "k*", markersize=9, label="start", zorder=4.0)
-    axes.set(xlabel="east of the start [m]", ylabel="north of the start [m]", aspect="equal")
-    axes.set_adjustable("datalim")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=8, framealpha=0.9)
-    return figure
+def names_of(what: str | Sequence[str]) -> list[str]:
+    """Names of figures, each once.
 
+    Parameters
+    ----------
+    what : str or sequence of str
+        Names of :data:`FIGURES`, as a sequence or parted by commas, or ``all``.
 
-def figure_errors(result: Result, truth: Trajectory) -> Figure:
-    """Position, velocity and attitude errors inside their 3-sigma envelopes, filter and smoother, over log time.
-
-    A row per component and a column per kind; stretches without a used fix are shaded. The vertical range follows the
-    errors and the smoother's envelope; a wider envelope of the filter runs out of the picture.
+    Raises
+    ------
+    ConfigError
+        If one is not known; names the nearest.
     """
-    series = {role: errors(trajectory, truth) for role, trajectory in solutions_of(result).items()}
-    blocks = [block for block in AXES if any(getattr(entry, block) is not None for entry in series.values())]
-    figure = _figure(4.4 * len(blocks), 6.4)
-    grid = figure.subplots(3, len(blocks), sharex=True, squeeze=False)
-    for column, block in enumerate(blocks):
-        for row, axis in enumerate(AXES[block]):
-            _draw_errors(grid[row, column], series, block, row)
-            grid[row, column].set_ylabel(f"{axis} [{UNITS[block][0]}]")
-            for window in gaps(result):
-                grid[row, column].axvspan(window.start, window.end, color="0.5", alpha=0.15, linewidth=0)
-        grid[0, column].set_title(f"{block} error", fontsize=10)
-        grid[2, column].set_xlabel("log time [s]")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize=8, frameon=False)
-    return figure
-
-
-def _draw_errors(axes: Axes, series: dict[str, ErrorSeries], block: str, k: int) -> None:
-    scale = UNITS[block][1]
-    reach = 0.0
-    for role, entry in series.items():
-        values, sd = getattr(entry, block), getattr(entry, f"sd_{block}")
-        if values is None:
-            continue
-        value = values[:, k] * scale
-        limit = np.full_like(value, np.nan) if sd is None else 3.0 * sd[:, k] * scale
-        rows = decimate(np.column_stack((value, limit)) if sd is not None else value, CURVE_POINTS)
-        time = entry.time[rows]
-        if sd is not None:
-            axes.fill_between(
-                time,
-                -limit[rows],
-                limit[rows],
-                color=COLORS[role],
-                alpha=0.18,
-                linewidth=0,
-                label=f"{NAMES[role]} ±3σ",
+    words = what.split(",") if isinstance(what, str) else what
+    found: dict[str, None] = {}
+    for word in words:
+        name = str(word).strip().lower().replace("-", "_")
+        if name == "all":
+            found |= dict.fromkeys(FIGURES)
+        elif name in FIGURES:
+            found[name] = None
+        else:
+            raise ConfigError(
+                f"no figure {str(word).strip()!r}{meant(name, FIGURES)}; there are {', '.join(FIGURES)}, all"
             )
-        axes.plot(time, value[rows], color=COLORS[role], linewidth=0.9, label=NAMES[role])
-        tight = np.percentile(limit, 95.0) if sd is not None else 0.0
-        reach = max(reach, float(np.nanmax(np.abs(value))), float(tight))
-    if reach > 0.0:
-        axes.set_ylim(-1.08 * reach, 1.08 * reach)
-    axes.margins(x=0.0)
-    axes.grid(alpha=0.3)
+    if not found:
+        raise ConfigError(f"no figure is named; there are {', '.join(FIGURES)}, all")
+    return list(found)
 
 
-def _figure(width: float, height: float) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+def draw(
+    name: str,
+    result: Result,
+    truth: Trajectory | None = None,
+    *,
+    size: Size = "double",
+    time: str = "auto",
+    skip_s: float = 0.0,
+) -> Figure:
+    """Draw a figure by its name; what it has no use for of the options is left aside.
 
-    figure = Figure(figsize=(width, height), layout="constrained", dpi=150)
-    FigureCanvasAgg(figure)
-    return figure
+    Raises
+    ------
+    ConfigError
+        If there is no such figure.
+    FigureUnavailable
+        If the result has nothing to draw it from.
+    """
+    function = FIGURES[names_of([name])[0]]
+    options = {"truth": truth, "size": size, "time": time, "skip_s": skip_s}
+    taken = inspect.signature(function).parameters
+    return function(result, **{key: value for key, value in options.items() if key in taken})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from navfuse.data.result import Innovations
+from navfuse.data.result import Innovations, Result
 from navfuse.report.curves import (
     AXES,
     BAND_POINTS,
@@ -62,7 +62,7 @@ def measurement_panels(scene: Scene) -> list[Panel]:
         return [panel("Innovations, residuals and NIS", "", [], SECTION, why=why)]
     records = scene.result.innovations
     sources = {source: records.of(source) for source in records.sources[:MOST_SOURCES]}
-    gates = {source: _gate(scene, source, found) for source, found in sources.items()}
+    gates = {source: gate_of(scene.result, source, found) for source, found in sources.items()}
     found = [_innovations(scene, source, one, gates[source]) for source, one in sources.items()]
     if not found:
         found.append(panel("Innovations", "", [], SECTION, why=NONE_OFFERED))
@@ -74,12 +74,12 @@ def measurement_panels(scene: Scene) -> list[Panel]:
     return [*found, _satellites(scene)]
 
 
-def _gate(scene: Scene, source: str, records: Innovations) -> Array | None:
+def gate_of(result: Result, source: str, records: Innovations) -> Array | None:
     """Limits of the gate at every record; None where what it did is not what the record says.
 
     A sensor of the user's own may have a gate of its own, which no file tells.
     """
-    known = scene.result.summary.get("settings", {}) if source in STATED else {}
+    known = result.summary.get("settings", {}) if source in STATED else {}
     section = known.get("gnss", {}) if isinstance(known, dict) else {}
     probability = section.get("gate_probability") if isinstance(section, dict) else None
     if not (isinstance(probability, (int, float)) and 0.0 < probability <= 1.0):

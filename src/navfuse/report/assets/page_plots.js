@@ -3,10 +3,10 @@ const symbols = { used: "circle", reset: "star", rejected: "x-thin-open", withhe
 const glyphs = { reset: "★", rejected: "✕", withheld: "◇", late: "△", unused: "○" };
 const marks = new Set(["rejected", "withheld", "reset", "late", "unused"]);
 
-// Nearly all of a band: what it is at its widest, in the first seconds, would squash the rest.
+// Nearly all of a band or a gate: what it is at its widest, in the first seconds, would squash the rest.
 function reachOf(curve, range) {
   const first = Math.max(lowerBound(curve.x, range[0]) - 1, 0), last = lowerBound(curve.x, range[1]) + 1;
-  const sorted = curve.y2.slice(first, last).filter(Number.isFinite).sort();
+  const sorted = (curve.y2 || curve.y).slice(first, last).map(Math.abs).filter(Number.isFinite).sort();
   return sorted.length ? 1.1 * sorted[Math.floor(0.97 * (sorted.length - 1))] : 0;
 }
 
@@ -29,15 +29,18 @@ function yRange(row, range, hidden) {
   let low = Infinity, high = -Infinity, wideLow = Infinity, wideHigh = -Infinity;
   for (const curve of row.curves) {
     if (hidden.has(curve.name)) continue;
-    const [a, b] = row.zero && curve.kind === "band" ? [-1, 1].map((sign) => sign * reachOf(curve, range)) : extent(curve, range);
-    if (!row.log && (curve.kind === "band" || curve.role === "gate" || curve.role === "rejected")) { wideLow = Math.min(wideLow, a); wideHigh = Math.max(wideHigh, b); }
-    else if (curve.kind !== "band") { low = Math.min(low, a); high = Math.max(high, b); }
+    const envelope = curve.kind === "band" || (curve.role === "gate" && !row.log);
+    const [a, b] = row.zero && envelope ? [-1, 1].map((sign) => sign * reachOf(curve, range)) : extent(curve, range);
+    if (envelope || (curve.role === "rejected" && !row.log)) { wideLow = Math.min(wideLow, a); wideHigh = Math.max(wideHigh, b); }
+    else { low = Math.min(low, a); high = Math.max(high, b); }
   }
   if (low > high) { low = wideLow; high = wideHigh; }
   if (low > high) return [-1, 1];
   if (row.log) {
-    const a = Math.log10(Math.max(low, 1e-12)), b = Math.log10(Math.max(high, 1e-12)), pad = Math.max(0.08 * (b - a), 0.05);
-    return [Math.max(a, Math.min(row.floor ? Math.log10(row.floor) : b - 9, b - 1)) - pad, b + pad];
+    if (wideLow < wideHigh) { low = Math.min(low, Math.max(wideLow, low / 3)); high = Math.max(high, Math.min(wideHigh, 3 * high)); }
+    const b = Math.log10(Math.max(high, 1e-12)), least = Math.min(row.floor ? Math.log10(row.floor) : b - 9, b - 1);
+    const a = Math.max(Math.log10(Math.max(low, 1e-12)), least), pad = Math.max(0.06 * (b - a), 0.5 * (0.5 - (b - a)), 0.05);
+    return [a - pad, b + pad];
   }
   const reach = row.zero ? 4 * Math.max(Math.abs(low), Math.abs(high), 1e-12) : 4 * Math.max(high - low, 1e-12);
   if (wideLow < wideHigh) { low = Math.min(low, Math.max(wideLow, low - reach)); high = Math.max(high, Math.min(wideHigh, high + reach)); }
@@ -88,7 +91,7 @@ function trace(curve, axis, unit, hidden, shift) {
 
 function logTicks([a, b]) {
   const width = b - a, step = Math.max(1, Math.ceil(width / 5));
-  const heads = width > 2 ? [1] : width > 0.9 ? [1, 3] : width > 0.45 ? [1, 2, 5] : [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8];
+  const heads = width > 2 ? [1] : width > 0.9 ? [1, 3] : width > 0.7 ? [1, 2, 5] : [1, 1.5, 2, 3, 5, 7];
   const tickvals = [];
   for (let power = step * Math.floor(a / step); power <= b; power += step)
     for (const head of heads) {
