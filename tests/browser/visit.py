@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from playwright.sync_api import BrowserContext, Locator, Route
 
-PATIENCE_MS = int(__import__("os").environ.get("PAT", 30_000))
+PATIENCE_MS = 30_000
 """How long anything may take before it counts as never happening; a busy machine, not a page, needs this long."""
 
 
