@@ -62,7 +62,7 @@ def render(study: AllanStudy) -> str:
                 title += f" of means over {axis.autocorrelation.average:.4g} s"
             small = "" if view == "deviation" else ' class="small"'
             pieces.append(
-                f'<div{small}><h3>{title}</h3><div class="plot" id="{view}{k}" role="img" '
+                f'<div{small}><h3>{title}</h3><div class="plot" id="{view}{k}" role="group" '
                 f'aria-label="{escape(axis.name)}: {title}"></div></div>'
             )
         bodies.append(f'<section id="axis{k}"><h2>{escape(axis.name)}</h2>\n' + "\n".join(pieces) + "</section>")
@@ -108,7 +108,7 @@ def _notices(study: AllanStudy) -> str:
 def _channels(study: AllanStudy) -> str:
     titles = ("axis", "mean", "standard deviation", "resolution", "fit of the model")
     rows = [[f"<th>{escape(row[0])}</th>", *_cells(row[1:])] for row in axis_rows(study)]
-    return _table(titles, [f"<tr>{''.join(row)}</tr>" for row in rows])
+    return _table("Axes", titles, [f"<tr>{''.join(row)}</tr>" for row in rows])
 
 
 def _terms(study: AllanStudy) -> str:
@@ -120,17 +120,18 @@ def _terms(study: AllanStudy) -> str:
             absent = ' class="absent"' if row[2] == "not seen" else ""
             rows.append(f"<tr>{head}{''.join(_cells(row[1:], absent))}</tr>")
             head = ""
-    return _table(("axis", "term", "value", "in other units", "limit, floor or time"), rows)
+    return _table("Noise terms", ("axis", "term", "value", "in other units", "limit, floor or time"), rows)
 
 
 def _cells(row: tuple[str, ...], attribute: str = "") -> list[str]:
     return [f"<td{attribute}>{escape(cell)}</td>" for cell in row]
 
 
-def _table(titles: tuple[str, ...], rows: list[str]) -> str:
+def _table(name: str, titles: tuple[str, ...], rows: list[str]) -> str:
     head = "".join(f"<th>{title}</th>" for title in titles)
     body = "\n".join(rows)
-    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table></div>'
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table>"
+    return f'<div class="scroll" tabindex="0" role="region" aria-label="{name}">{table}</div>'
 
 
 def _views(study: AllanStudy, axis: AxisStudy) -> dict[str, dict[str, Any]]:

@@ -14,7 +14,7 @@ Array = np.ndarray
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#b5458f", "#8a6d00", "#4b3f9e", "#3d94d1", "#7a1f1f")
 """The first three after Okabe and Ito (2008); all with a contrast of 3 or more to white, which a thin line needs."""
-REFERENCE = "#9aa0a6"
+REFERENCE = "#80868b"
 CURVE_POINTS = 3000
 THICKEST, THINNEST, REFERENCE_WIDTH = 2.4, 1.0, 4.5
 """Widths of lines [pt]."""

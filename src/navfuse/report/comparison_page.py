@@ -61,7 +61,7 @@ def render(comparison: FilterComparison) -> str:
     plotly = (files("plotly") / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
     drawn = panels(comparison)
     bodies = "\n".join(
-        f'<div class="plot" id="{panel.key}" role="img" aria-label="{escape(panel.title)}"></div>' for panel in drawn
+        f'<div class="plot" id="{panel.key}" role="group" aria-label="{escape(panel.title)}"></div>' for panel in drawn
     )
     data = json.dumps([_plot(panel) for panel in drawn], separators=(",", ":"), allow_nan=False)
     title = f"Estimators on {Path(comparison.project).name}: {', '.join(comparison.estimators)}"
@@ -76,8 +76,8 @@ def render(comparison: FilterComparison) -> str:
         f'<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         f'<meta name="generator" content="navfuse"><title>{escape(title)}</title><style>{_STYLE}</style></head>\n'
-        f"<body><h1>{escape(title)}</h1>\n<ul>{notes}</ul>\n{_table(comparison)}\n<h2>Plots</h2>\n"
-        f"<p>Filters in full lines; click a smoother in a legend to show it, dashed.</p>\n{bodies}\n"
+        f"<body><main><h1>{escape(title)}</h1>\n<ul>{notes}</ul>\n{_table(comparison)}\n<h2>Plots</h2>\n"
+        f"<p>Filters in full lines; click a smoother in a legend to show it, dashed.</p>\n{bodies}</main>\n"
         f"<script>{plotly}</script>\n<script>const panels = "
         + data.replace("<", "\\u003c")
         + f";{_SCRIPT}</script></body></html>\n"
@@ -85,12 +85,13 @@ def render(comparison: FilterComparison) -> str:
 
 
 def _table(comparison: FilterComparison) -> str:
-    head = "".join(f"<th>{escape(name)}</th>" for name in ("", "unit", *comparison.estimators))
+    head = "".join(f"<th>{escape(name)}</th>" for name in ("quantity", "unit", *comparison.estimators))
     rows = "".join(
         f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in (label, unit, *values))}</tr>"
         for label, unit, values in comparison.table()
     )
-    return f'<div class="wide"><table><tr>{head}</tr>{rows}</table></div>'
+    table = f"<table><tr>{head}</tr>{rows}</table>"
+    return f'<div class="wide" tabindex="0" role="region" aria-label="Errors">{table}</div>'
 
 
 def _plot(panel: Panel) -> tuple[str, list[dict[str, Any]], dict[str, Any]]:

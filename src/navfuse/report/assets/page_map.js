@@ -11,7 +11,7 @@ function mapFigure() {
   const zoomed = span[0] > full[0] || span[1] < full[1], first = lowerBound(best.x, span[0]), last = lowerBound(best.x, span[1]) + 1;
   traces.push({ type: "scatter", mode: "lines", x: best.e.slice(first, last), y: best.y.slice(first, last), hoverinfo: "skip", visible: zoomed,
     name: "time shown", line: { color: color("check"), width: 6 }, opacity: 0.55 });
-  traces.push({ type: "scatter", mode: "markers", x: [best.e[0]], y: [best.y[0]], name: "start", hovertemplate: "start",
+  traces.push({ type: "scatter", mode: "markers", x: [best.e[0]], y: [best.y[0]], name: "start", customdata: [best.x[0]], hovertemplate: "start",
     marker: { size: 13, symbol: "star", color: color("ink"), line: { color: color("paper"), width: 1 } } });
   const [west, east, south, north] = data.map.view, exponentformat = "none", nticks = map.box.clientWidth < 500 ? 5 : 9;
   layout.xaxis = { ...axis, range: [west, east], title: { text: "east of the start [m]", standoff: 6 }, exponentformat, nticks };

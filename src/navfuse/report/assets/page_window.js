@@ -36,16 +36,17 @@ function fields() {
 
 function show(range) {
   const { full, span } = state, from = Math.max(Number(range[0]), full[0]), to = Math.min(Number(range[1]), full[1]);
-  if (!(to > from)) { fields(); return; }
-  if (from === span[0] && to === span[1]) return;
+  if (!(to > from) || (from === span[0] && to === span[1])) { fields(); return; }
   state.span = [from, to];
   fields();
   refresh();
 }
 
+// Zooming about the cursor; a window that would reach beyond the run is moved inside it.
 function zoom(factor) {
-  const [a, b] = state.span, t = state.time, around = t !== null && t >= a && t <= b ? t : 0.5 * (a + b);
-  if ((b - a) / factor > 0.05) show([around - (around - a) / factor, around + (b - around) / factor]);
+  const [a, b] = state.span, [low, high] = state.full, t = state.time, around = t !== null && t >= a && t <= b ? t : 0.5 * (a + b);
+  const length = Math.min((b - a) / factor, high - low), from = Math.min(Math.max(around - (around - a) / factor, low), high - length);
+  if (length > 0.05) show([from, from + length]);
 }
 
 function pan(share) {
