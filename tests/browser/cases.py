@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from benchmarks.logs import CAR_IMU, CAR_START, SCALE, rtk_project
+
 from navfuse import process, read_trajectory
 from navfuse.data.result import Result
 from navfuse.data.trajectory import Trajectory

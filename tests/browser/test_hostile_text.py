@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from benchmarks.logs import SHARED
+
 from browser.cases import ten_seconds
 from browser.visit import Chart
 from navfuse.report.page import write_report

@@ -133,12 +133,12 @@ def check_offset(imu: ImuLog, gnss: GnssLog, shift: float, turn_lag: float | Non
     used = f"{found.used}, correlation {found.correlation:.3f}"
     offset = found.offset
     if found.by_positions is not None and found.by_velocities is not None:
-        offset = 0.5 * (found.by_positions + found.by_velocities)
+        # Positions carry most: an offset moves them by the speed times it, velocities by the acceleration times it.
+        offset = found.by_positions
         sd = min(sd, 0.5 * abs(found.by_positions - found.by_velocities) / SIGMAS)
         used = (
-            f"positions say {far + found.by_positions:+.3f} s and velocities {far + found.by_velocities:+.3f} s: the "
-            "receiver's velocities lag or lead its positions. A run that uses both is served best by the middle; with "
-            'gnss.use = ["position"] set that of the positions'
+            f"by positions; velocities say {far + found.by_velocities:+.3f} s: the receiver's velocities lag or lead its "
+            'positions. Look whether the run fits better with gnss.use = ["position"]'
         )
     return Clocks(_told(shift, far + offset, sd, used, declared), begin + offset, found.correlation)
 
