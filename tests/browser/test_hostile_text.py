@@ -1,4 +1,4 @@
-"""Whatever a file calls its columns, sensors, states and fixes is shown as text and never runs, in HTML and in the plots."""
+"""Whatever a file calls its columns, sensors, states and fixes shows as text, in HTML and in plots, and never runs."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from benchmarks.logs import SHARED
+
 from browser.cases import ten_seconds
 from browser.visit import Chart
 from navfuse.report.page import write_report

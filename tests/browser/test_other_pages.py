@@ -10,7 +10,7 @@ from browser.pages import PAGES, write_page
 VIEWS = pytest.mark.parametrize(
     ("phone", "dark"),
     [
-        (False, False),
+        pytest.param(False, False, marks=pytest.mark.slow),
         (True, True),
         pytest.param(True, False, marks=pytest.mark.slow),
         pytest.param(False, True, marks=pytest.mark.slow),
