@@ -21,7 +21,7 @@ from navfuse.filters.settings import FilterSettings
 Array = np.ndarray
 
 WINDOW = 50
-"""Measurements in a window: the bounds of a mean NIS of three components are then 0.72 and 1.32 at 99 %."""
+"""Measurements in a window: the bounds of a mean NIS of three components are then 0.73 and 1.32 at 99 %."""
 FEWEST = 5
 """Measurements below which no scatter is told."""
 REACH = 5.0
