@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from browser.cases import CASES
+from browser.cases import CASES, TOW
 from browser.visit import Chart, Visit
 
 QUICK = ("all-rejected",)
@@ -194,3 +194,21 @@ def test_pointing_at_the_star_of_the_start_marks_a_time_there(report, charts):
     assert time is not None
     assert chart.place_at(time) == pytest.approx(chart.place_at(charts[0].range()[0]), abs=20.0)
     assert report.events == []
+
+
+@pytest.mark.slow
+def test_the_page_of_an_hour_at_200_hz_is_small(case_page):
+    assert case_page("car").stat().st_size <= 4_000_000
+
+
+@pytest.mark.slow
+def test_log_time_and_time_of_week_differ_by_the_epoch(visit, case_page):
+    report = visit(case_page("drive"), viewport=TALL).ready()
+    chart = report.charts()[0].show()
+    span = report.span()
+    assert chart.range() == pytest.approx(span, abs=0.006)
+    report.page.select_option("#scale", "log")
+    chart.wait_for((span[0] - TOW, span[1] - TOW), 0.02)
+    assert report.span() == pytest.approx((span[0] - TOW, span[1] - TOW), abs=0.02)
+    report.page.select_option("#scale", "gps")
+    chart.wait_for(span, 0.02)
