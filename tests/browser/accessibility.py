@@ -44,7 +44,8 @@ def faint(visit: Visit) -> list[str]:
             return [...canvas.getImageData(0, 0, 1, 1).data];
           };
           const light = (color) => {
-            const [r, g, b] = rgb(color).map((x) => x / 255).map((x) => x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+            const linear = (x) => x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4;
+            const [r, g, b] = rgb(color).map((x) => linear(x / 255));
             return 0.2126 * r + 0.7152 * g + 0.0722 * b;
           };
           const paper = light(getComputedStyle(document.body).backgroundColor), found = new Set();
@@ -53,11 +54,13 @@ def faint(visit: Visit) -> list[str]:
             if (ratio < least) found.add(`${what} in ${color}: ${ratio.toFixed(2)} < ${least}`);
           };
           for (const box of document.querySelectorAll(".js-plotly-plot")) {
-            for (const node of box.querySelectorAll("svg text")) check(getComputedStyle(node).fill, text, `text ${node.textContent}`);
+            for (const node of box.querySelectorAll("svg text"))
+              check(getComputedStyle(node).fill, text, `text ${node.textContent}`);
             for (const curve of box.data) {
               if (curve.opacity < 1) continue;  // a shade that lies below a line
               if (curve.mode === "lines" && curve.line.width) check(curve.line.color, mark, `line ${curve.name}`);
-              if (curve.mode === "markers" && typeof curve.marker.color === "string") check(curve.marker.color, mark, `marks ${curve.name}`);
+              const filled = curve.mode === "markers" && curve.marker.color;
+              if (typeof filled === "string") check(filled, mark, `marks ${curve.name}`);
             }
           }
           return [...found];

@@ -57,10 +57,10 @@ def ten_seconds(data: Path, folder: Path) -> Case:
 
 
 def one_fix(data: Path, folder: Path) -> Case:
-    """Half a minute with a single fix in its middle; the second, without which a log is refused, comes after the end."""
+    """Half a minute with a single fix in its middle; a log needs two, and the second comes after the end."""
     logs = _logs(30.0)
     two = logs.gnss.take(np.array([14, 15]))
-    result = _short(folder, replace(logs, gnss=replace(two, time=two.time + [0.0, 60.0])))
+    result = _short(folder, replace(logs, gnss=replace(two, time=two.time + np.array([0.0, 60.0]))))
     assert result.innovations.count("gnss_position", "used") == 1
     return result, logs.truth
 

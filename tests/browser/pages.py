@@ -28,7 +28,8 @@ def comparison(folder: Path) -> Path:
     """Two estimators on the demonstration's drive, against its truth."""
     logs, lever = simulate_drive(1)
     write_logs(folder, logs)
-    text = f'[imu]\nfile = "imu.parquet"\ngrade = "industrial-mems"\n[gnss]\nfile = "gnss.csv"\nlever_arm_m = {toml_value(lever)}\n'
+    text = '[imu]\nfile = "imu.parquet"\ngrade = "industrial-mems"\n[gnss]\nfile = "gnss.csv"\n'
+    text += f"lever_arm_m = {toml_value(lever)}\n"
     (folder / "project.toml").write_text(text, encoding="utf-8")
     arguments = ("--estimators", "ekf,iekf", "--truth", folder / "truth.parquet", "-o", folder / "out", "-q")
     _command("compare-filters", folder / "project.toml", *arguments)

@@ -1,4 +1,4 @@
-"""Whatever a file calls its columns, sensors, states and fixes is shown as text and never runs, in HTML and in the plots."""
+"""Whatever a file calls its columns, sensors, states and fixes shows as text, in HTML and in plots, and never runs."""
 
 from __future__ import annotations
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from browser.accessibility import faint, findings
-from browser.pages import PAGES, write_page
+from browser.pages import write_page
 
 VIEWS = pytest.mark.parametrize(
     ("phone", "dark"),
     [
-        (False, False),
+        pytest.param(False, False, marks=pytest.mark.slow),
         (True, True),
         pytest.param(True, False, marks=pytest.mark.slow),
         pytest.param(False, True, marks=pytest.mark.slow),
@@ -19,7 +19,7 @@ VIEWS = pytest.mark.parametrize(
 )
 
 
-@pytest.fixture(scope="session", params=PAGES)
+@pytest.fixture(scope="session", params=["comparison", pytest.param("allan", marks=pytest.mark.slow)])
 def other(request, written, tmp_path_factory):
     """Path of one of the pages."""
     name = request.param

@@ -1,13 +1,13 @@
-"""The report of a run in a browser: it draws everything, says nothing on the console, asks for nothing, and its plots move together."""
+"""The report of a run in a browser: everything is drawn, nothing is said or asked for, and the plots move together."""
 
 from __future__ import annotations
 
 import pytest
 
-from browser.cases import CASES
+from browser.cases import CASES, TOW
 from browser.visit import Chart, Visit
 
-QUICK = ("drive", "all-rejected")
+QUICK = ("all-rejected",)
 TALL = {"width": 1280, "height": 16000}
 """Everything is in view at once, so that every plot follows at once."""
 
@@ -168,13 +168,21 @@ def test_pointing_at_a_time_plot_marks_the_place_on_the_map(report, charts):
 
 
 def test_pointing_at_the_map_marks_the_time_in_every_plot(report, charts):
-    span = charts[0].range()
+    start, end = charts[0].range()
+    pixels = 2.0 * (end - start) / charts[0].frame()["width"]
     chart = report.map()
-    chart.point_at(span[0] + 0.6 * (span[1] - span[0]))
-    chart.until("box => box._hoverdata && box._hoverdata.length > 0 && box._hoverdata[0].customdata !== undefined")
-    time = chart.box.evaluate("box => box._hoverdata[0].customdata")
-    for other in charts:
-        assert other.cursor() == pytest.approx(time, abs=2.0 * (span[1] - span[0]) / other.frame()["width"])
+    chart.point_at(start + 0.6 * (end - start))
+    for _ in range(100):
+        time = chart.box.evaluate(
+            "box => box._hoverdata && box._hoverdata.length ? box._hoverdata[0].customdata : null"
+        )
+        cursors = [other.cursor() for other in charts]
+        if time is not None and cursors == pytest.approx([time] * len(charts), abs=pixels):
+            break
+        report.page.wait_for_timeout(50)
+    else:
+        pytest.fail(f"pointing at {time} s gave {cursors}")
+    assert chart.place_at(time) == pytest.approx(chart.place_at(start + 0.6 * (end - start)), abs=25.0)
 
 
 def test_pointing_at_the_star_of_the_start_marks_a_time_there(report, charts):
@@ -186,3 +194,21 @@ def test_pointing_at_the_star_of_the_start_marks_a_time_there(report, charts):
     assert time is not None
     assert chart.place_at(time) == pytest.approx(chart.place_at(charts[0].range()[0]), abs=20.0)
     assert report.events == []
+
+
+@pytest.mark.slow
+def test_the_page_of_an_hour_at_200_hz_is_small(case_page):
+    assert case_page("car").stat().st_size <= 4_000_000
+
+
+@pytest.mark.slow
+def test_log_time_and_time_of_week_differ_by_the_epoch(visit, case_page):
+    report = visit(case_page("drive"), viewport=TALL).ready()
+    chart = report.charts()[0].show()
+    span = report.span()
+    assert chart.range() == pytest.approx(span, abs=0.006)
+    report.page.select_option("#scale", "log")
+    chart.wait_for((span[0] - TOW, span[1] - TOW), 0.02)
+    assert report.span() == pytest.approx((span[0] - TOW, span[1] - TOW), abs=0.02)
+    report.page.select_option("#scale", "gps")
+    chart.wait_for(span, 0.02)

@@ -6,6 +6,7 @@ import pytest
 
 from browser.accessibility import faint
 from browser.cases import CASES
+from browser.visit import INK
 
 SHORT = "all-rejected"
 OTHERS = [name if name == SHORT else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
@@ -13,20 +14,14 @@ LONG = {"width": 1280, "height": 16000}
 
 
 @pytest.mark.parametrize("name", OTHERS)
-@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_everything_in_the_plots_stands_out(visit, case_page, name, dark):
-    report = visit(case_page(name), dark=dark, viewport=LONG).ready()
-    assert len(report.time_charts()) > 0
+def test_everything_in_the_plots_stands_out_also_when_the_scheme_changes(visit, case_page, name):
+    report = visit(case_page(name), viewport=LONG).ready()
+    charts = [report.map(), *report.charts()]
+    inks = [chart.show().ink() for chart in charts]
     assert faint(report) == []
-
-
-def test_the_plots_follow_when_the_scheme_changes(visit, case_page):
-    report = visit(case_page(SHORT)).ready()
-    chart = report.charts()[0].show()
-    ink = "box => getComputedStyle(box.querySelector('svg text')).fill"
-    before = chart.box.evaluate(ink)
     report.page.emulate_media(color_scheme="dark")
-    chart.until(f"box => ({ink})(box) !== '{before}'")
+    for chart, ink in zip(charts, inks, strict=True):
+        chart.until(f"box => ({INK})(box) !== '{ink}'")
     assert faint(report) == []
 
 
@@ -35,13 +30,8 @@ def test_a_phone_shows_it_without_scrolling_sideways(visit, case_page, name):
     report = visit(case_page(name), phone=True).ready()
     assert report.overflow() == []
     for chart in (report.map(), *report.charts()):
-        chart.show()
-        assert chart.frame()["width"] > 200.0
+        assert chart.show().frame()["width"] > 200.0
     assert report.overflow() == []
-
-
-def test_a_finger_scrolls_over_a_plot_and_taps_a_legend(visit, case_page):
-    report = visit(case_page(SHORT), phone=True).ready()
     chart = report.charts()[0].show()
     assert chart.box.evaluate("box => box._fullLayout.dragmode") is False
     assert chart.box.locator(".nsewdrag").first.evaluate("node => getComputedStyle(node).touchAction") != "none"
@@ -58,10 +48,11 @@ def test_only_what_is_looked_at_is_drawn(visit, case_page):
     first = report.charts()[0].show()
     first.drag(0.3, 0.5)
     span = first.range()
-    report.time_charts()[-1].wait_for(span)
+    rate = next(chart for chart in report.charts() if "IMU rate" in chart.title)
+    rate.show().wait_for(span)
 
 
-@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["light", "dark"])
 def test_it_prints_with_every_plot(visit, case_page, dark):
     report = visit(case_page(SHORT), dark=dark).ready()
     paper = report.page.pdf(prefer_css_page_size=True)

@@ -10,6 +10,8 @@ if TYPE_CHECKING:
 
 PATIENCE_MS = 30_000
 """How long anything may take before it counts as never happening; a busy machine, not a page, needs this long."""
+INK = "box => getComputedStyle(box.querySelector('svg text')).fill"
+"""The colour of the text in a plot."""
 
 
 class Visit:
@@ -52,7 +54,7 @@ class Visit:
             """async ([condition, given, patience]) => {
               const holds = eval(condition), end = performance.now() + patience;
               while (!holds(given)) {
-                if (performance.now() > end) throw new Error(`never came true: ${condition} of ${JSON.stringify(given)}`);
+                if (performance.now() > end) throw new Error(`never true: ${condition} of ${JSON.stringify(given)}`);
                 await new Promise((resolve) => setTimeout(resolve, 20));
               }
             }""",
@@ -177,10 +179,12 @@ class Chart:
                 """(box, time) => {
                   const tracks = box.data.filter((curve) => curve.mode === "lines" && curve.customdata);
                   const best = tracks.find((curve) => /smooth/.test(curve.name)) || tracks[0], t = best.customdata;
-                  const k = Math.max(1, t.findIndex((value) => value >= time)), part = (time - t[k - 1]) / (t[k] - t[k - 1]);
+                  const k = Math.max(1, t.findIndex((value) => value >= time));
+                  const part = (time - t[k - 1]) / (t[k] - t[k - 1]);
                   const at = box.getBoundingClientRect(), { xaxis, yaxis } = box._fullLayout;
                   const along = (values) => values[k - 1] + part * (values[k] - values[k - 1]);
-                  return [at.left + xaxis._offset + xaxis.d2p(along(best.x)), at.top + yaxis._offset + yaxis.d2p(along(best.y))];
+                  const x = at.left + xaxis._offset + xaxis.d2p(along(best.x));
+                  return [x, at.top + yaxis._offset + yaxis.d2p(along(best.y))];
                 }""",
                 time,
             )
@@ -189,6 +193,10 @@ class Chart:
     def legend(self) -> Locator:
         """The buttons of its legend that show and hide curves."""
         return self.box.locator("xpath=ancestor::figure").locator(".legend button[aria-pressed]")
+
+    def ink(self) -> str:
+        """The colour of its text."""
+        return self.box.evaluate(INK)
 
     def focus(self) -> None:
         """Give it the keyboard."""
