@@ -21,7 +21,7 @@ def result(tmp_path_factory):
     folder = tmp_path_factory.mktemp("logs")
     logs = simulate(car_drive(40.0, seed=2), grade("industrial-mems"), 3, imu_rate=50.0, gnss_rate=1.0)
     write_imu(folder / "imu.parquet", logs.imu)
-    fixes = replace(logs.gnss, fix=np.resize(["rtk-fixed", "single"], logs.gnss.time.size))
+    fixes = replace(logs.gnss, fix=np.resize(["dgps", "single"], logs.gnss.time.size))
     write_gnss(folder / "gnss.csv", fixes)
     gnss = {"file": str(folder / "gnss.csv"), "epoch_week_s": [2374, 243258.0]}
     return navfuse.process({"imu": {"file": str(folder / "imu.parquet"), "grade": "industrial-mems"}, "gnss": gnss})

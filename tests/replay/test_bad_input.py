@@ -333,10 +333,16 @@ def test_time_stands_still(job, table):
     job.refused("time_s", "repeat a time stamp")
 
 
-@pytest.mark.parametrize("shift", [1000.0, -604800.0])
-def test_no_overlap(job, shift):
+@pytest.mark.parametrize(
+    ("shift", "words"),
+    [
+        (1000.0, ("do not overlap", "0.000 to 120.000 s", "time_offset_s")),
+        (-604800.0, ("no time in common", "from 0 to 120 s", "imu.time_offset_s = -604800", "1 week")),
+    ],
+)
+def test_no_overlap(job, shift, words):
     job.gnss["time_s"] += shift
-    job.refused("do not overlap", "0.000 to 120.000 s", "time_offset_s")
+    job.refused(*words)
 
 
 def test_a_time_offset_brings_them_together(job):

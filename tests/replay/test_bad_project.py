@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from navfuse.config import template
+from navfuse.io.result_folder import TABLES
 from replay.job import navfuse
 
 
@@ -116,8 +117,8 @@ def test_every_key_of_the_house_plan_at_once(job):
     code, out, err = navfuse("run", path, "-o", job.output)
     assert (code, err) == (0, "")
     assert "30 withheld" in out
-    names = {f"{table}.{kind}" for table in ("forward", "smoothed", "innovations") for kind in ("parquet", "csv")}
-    assert {entry.name for entry in job.output.iterdir()} == names | {"summary.json", "report.html"}
+    names = {f"{table}.{kind}" for table in TABLES for kind in ("parquet", "csv")}
+    assert {entry.name for entry in job.output.iterdir()} == names | {"imu.json", "summary.json", "report.html"}
 
 
 @pytest.mark.parametrize("key", ["frame", "feedback", "method", "rate_hz"])

@@ -154,6 +154,9 @@ def test_a_finished_run_replaces_the_earlier_result_and_nothing_else(job):
         "forward.parquet",
         "smoothed.parquet",
         "innovations.parquet",
+        "states.parquet",
+        "fixes.parquet",
+        "imu.json",
         "summary.json",
         "notes.txt",
     }

@@ -137,8 +137,8 @@ def check_offset(imu: ImuLog, gnss: GnssLog, shift: float, turn_lag: float | Non
         offset = found.by_positions
         sd = min(sd, 0.5 * abs(found.by_positions - found.by_velocities) / SIGMAS)
         used = (
-            f"by positions; velocities say {far + found.by_velocities:+.3f} s: the receiver's velocities lag or lead its "
-            'positions. Look whether the run fits better with gnss.use = ["position"]'
+            f"by positions; velocities say {far + found.by_velocities:+.3f} s: the receiver's velocities lag or lead "
+            'its positions. Look whether the run fits better with gnss.use = ["position"]'
         )
     return Clocks(_told(shift, far + offset, sd, used, declared), begin + offset, found.correlation)
 
