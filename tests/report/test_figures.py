@@ -11,6 +11,7 @@ import pytest
 
 import navfuse
 from navfuse.analysis.metrics import errors
+from navfuse.analysis.separation import separation
 from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.data.imu_overview import ImuOverview
 from navfuse.data.result import Innovations, StateHistory
@@ -232,7 +233,7 @@ def test_sigmas_and_separation(drive):
     axes = figure_sigmas(result).axes
     assert axes[0].get_yscale() == "log"
     same(lines(axes[0])["smoother"], result.smoothed.time, result.smoothed.sd_position[:, 0])
-    found = quality.separation(result.forward, result.smoothed)
+    found = separation(result.forward, result.smoothed)
     figure = figure_separation(result)
     same(lines(figure.axes[0])["filter − smoother"], found.time, found.position[:, 0])
     assert lines(figure_separation(result, skip_s=60.0).axes[0])["filter − smoother"][0].min() == 1060.0

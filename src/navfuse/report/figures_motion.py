@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from navfuse.analysis.metrics import ErrorSeries, errors
+from navfuse.analysis.separation import separation
 from navfuse.data.result import Result
 from navfuse.data.trajectory import Trajectory
 from navfuse.report.curves import AXES, UNITS, solutions_of
@@ -28,7 +29,7 @@ from navfuse.report.figures_style import (
 )
 from navfuse.report.map_panel import MAP_POINTS
 from navfuse.report.measurement_panels import STATUS_NAMES
-from navfuse.report.quality import error_cdf, position_percentiles, separation
+from navfuse.report.quality import error_cdf, position_percentiles
 from navfuse.report.series import NAMES, break_wraps, decimate, east_north, fix_status, origin_of
 
 if TYPE_CHECKING:
