@@ -72,7 +72,7 @@ def test_no_used_position_is_serious(drive):
 
 @pytest.mark.parametrize(("rejected", "level"), [(4, None), (15, "check"), (60, "bad")])
 def test_many_rejections(drive, rejected, level):
-    records = drive[0].innovations
+    records = replace(drive[0].innovations, nis=1.0 * drive[0].innovations.dof)
     status = np.where((np.arange(119) % 2 == 0) & (np.arange(119) < 2 * rejected), "rejected", "used")
     points = [
         point
