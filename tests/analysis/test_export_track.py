@@ -245,7 +245,9 @@ def test_fix_types_and_satellites():
     assert rejected.fix.tolist()[:5] == ["single", *["rtk-float"] * 3, "none"]
     untyped = export_track(result(fixes=fixes())).fix
     assert untyped.tolist() == ["none" if kind == "none" else "" for kind in track.fix.tolist()]
-    nothing = export_track(result(used=(), fixes=fixes(**kinds)))
+    offered = result(fixes=fixes(**kinds))
+    refused = replace(offered.innovations, status=np.array(["rejected", "withheld", "rejected", "late"]))
+    nothing = export_track(replace(offered, innovations=refused))
     assert set(nothing.fix.tolist()) == {"none"}
     assert not nothing.n_satellites.any()
 
