@@ -228,6 +228,20 @@ def test_a_longer_truth_does_not_widen_the_motion(drive, make_drive):
     assert "truth" not in labels_of(figure_map(result, elsewhere))
 
 
+def test_spikes_do_not_hide_the_band(drive):
+    result, _ = drive
+    track = result.forward
+    height = track.height.copy()
+    height[[300, 900]] += (500.0, -500.0)
+    calm = figure_separation(result).axes
+    spiky = figure_separation(replace(result, forward=replace(track, height=height))).axes
+    down = next(k for k, axes in enumerate(calm) if axes.get_ylabel().startswith("down"))
+    assert spiky[down].get_ylim()[1] < 3.0 * calm[down].get_ylim()[1]
+    marks = [line for line in spiky[down].lines if line.get_label() == "beyond the axis"]
+    assert [line.get_marker() for line in marks] == ["v", "^"]
+    assert not [line for line in calm[down].lines if line.get_label() == "beyond the axis"]
+
+
 def test_sigmas_and_separation(drive):
     result, _ = drive
     axes = figure_sigmas(result).axes

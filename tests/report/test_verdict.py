@@ -173,6 +173,7 @@ def test_a_warning_of_the_run_is_not_told_twice(drive):
     verdict = verdict_of(drive[0], innovations=changed, warnings=warned)
     assert verdict.level == "bad"
     assert text_of(verdict).count("larger than claimed") == 1
+    assert text_of(verdict).count("gnss.lever_arm_m, imu.axes") == 1
     assert "In the outages the solution drifted further than claimed: GNSS position 2.0 times" in text_of(verdict)
     assert "not to be relied on" in {c.label: c for c in verdict.cards}["Expected error at the end"].detail
 

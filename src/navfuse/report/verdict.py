@@ -107,6 +107,7 @@ def judge(
     points += [Point("check", readable(text)) for text in result.warnings if _head(text) not in told]
     order = {"bad": 0, "check": 1, "info": 2}
     points.sort(key=lambda point: order[point.level])
+    points = _advice_once(points)
     level = points[0].level if points else "good"
     cards = _cards(result, consistency, metrics, bare=bare, doubtful=level == "bad")
     return Verdict("good" if level == "info" else level, tuple(points), tuple(cards), bare)
@@ -141,6 +142,17 @@ def readable(text: str) -> str:
     """A warning as a sentence of the page: sources by their names, and a capital where it begins with a plain word."""
     text = re.sub(r"\bgnss_(position|velocity)\b", r"GNSS \1", text)
     return text[:1].upper() + text[1:] if re.match(r"[a-z]+ ", text) else text
+
+
+def _advice_once(points: list[Point]) -> list[Point]:
+    """The same advice stands at the first point that gives it; the others refer to it."""
+    told, found = False, []
+    for level, text in points:
+        if told:
+            text = text.replace(f"; {ADVICE}", "; check the same as above, in the same order")
+        told = told or ADVICE[1:] in text
+        found.append(Point(level, text))
+    return found
 
 
 def _head(text: str) -> str:
