@@ -45,7 +45,7 @@ MAP_MARGIN = 0.05
 INSIDE_PERCENT = (1.0, 99.0)
 MOST_CDF_PERCENT = 99.9
 SPIKES = 3.0
-"""Differences that reach so many times beyond what 99 % of the epochs and the 3-sigma band need are cut off."""
+"""Differences that reach so many times beyond what 95 % of the epochs and the 3-sigma band need are cut off."""
 
 
 def figure_map(result: Result, truth: Trajectory | None = None, *, size: Size = "double") -> Figure:
@@ -339,7 +339,7 @@ def _components(
                 curve(axes, at, value, color=COLORS[role], linestyle=LINES[role], label=label or NAMES[role])
                 drawn.append((role, at, value))
                 reach = max(reach, _percentile(np.abs(value), 100.0))
-                usual = max(usual, _percentile(np.abs(value), 99.0))
+                usual = max(usual, _percentile(np.abs(value), 95.0))
             if 0.0 < SPIKES * usual < reach:
                 reach = usual
                 for role, at, value in drawn:

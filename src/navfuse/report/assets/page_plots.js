@@ -31,7 +31,7 @@ function yRange(row, range, hidden) {
     if (hidden.has(curve.name)) continue;
     const envelope = curve.kind === "band" || (curve.role === "gate" && !row.log);
     const [a, b] = row.zero && envelope ? [-1, 1].map((sign) => sign * reachOf(curve, range)) : extent(curve, range);
-    usual = curve.kind === "points" ? Infinity : Math.max(usual, envelope ? b : reachOf(curve, range, 0.99));
+    usual = curve.kind === "points" ? Infinity : Math.max(usual, envelope ? b : reachOf(curve, range, 0.95));
     if (envelope || (curve.role === "rejected" && !row.log)) { wideLow = Math.min(wideLow, a); wideHigh = Math.max(wideHigh, b); }
     else { low = Math.min(low, a); high = Math.max(high, b); }
   }
