@@ -16,7 +16,7 @@ from navfuse.imu.lever_arm import LeverArm, fit_lever_arm
 from navfuse.imu.lever_arm import check_lever_arm as contradictions
 from navfuse.imu.mounting import FoundAxes, find_axes
 from navfuse.imu.turning import ALIKE, TurnFit, check_fit, fit_turns
-from navfuse.inspection.clock_checks import check_offset, check_overlap
+from navfuse.inspection.clock_checks import SURE_SIGMAS, check_offset, check_overlap
 from navfuse.inspection.declared import Declared
 from navfuse.inspection.findings import Finding, Verdict
 from navfuse.inspection.sign_checks import check_signs, inverted_accelerometer
@@ -28,6 +28,8 @@ TILTED = np.radians(30.0)
 SURE = 0.6
 ARM_CORRELATION = 0.99
 """Below it (a boat in waves) the arm that the turns show is not to be trusted."""
+SURE_ARM_SD_M, SURELY_M = 0.3, 1.5
+"""A stated arm is wrong, rather than odd, if a part known so well is further away, and by SURE_SIGMAS."""
 LONG_ARM_M, ABSURD_ARM_M = 5.0, 50.0
 _RADIUS = 6371e3
 
@@ -275,7 +277,9 @@ def check_lever_arm(declared: Declared, fitted: LeverArm | None = None) -> Findi
     figures = {"length_m": length}
     odd = contradictions(arm, fitted)
     if odd:
-        return Finding("lever arm", Verdict.LOOK, odd[0], "measure gnss.lever_arm_m again", figures=figures)
+        sure = length > ABSURD_ARM_M or (fitted is not None and _surely_apart(arm, fitted))
+        verdict = Verdict.WRONG if sure and "gnss.lever_arm_m" in declared.explicit else Verdict.LOOK
+        return Finding("lever arm", verdict, odd[0], "measure gnss.lever_arm_m again", figures=figures)
     if length > LONG_ARM_M:
         verdict = Verdict.WRONG if length > 20.0 * ABSURD_ARM_M else Verdict.LOOK
         return Finding("lever arm", verdict, f"{text}: long for a vehicle",
@@ -284,6 +288,12 @@ def check_lever_arm(declared: Declared, fitted: LeverArm | None = None) -> Findi
         return Finding("lever arm", Verdict.LOOK, f"{text}, {arm[2]:.3g} m of it down: the antenna below the IMU",
                        "up is negative in gnss.lever_arm_m", figures=figures)  # fmt: skip
     return Finding("lever arm", Verdict.OK, text, figures=figures)
+
+
+def _surely_apart(arm: Array, fitted: LeverArm) -> bool:
+    """Whether a part that the turns show well is another one beyond doubt, by the metre or more."""
+    known = fitted.sd < SURE_ARM_SD_M
+    return bool(np.any(known & (np.abs(arm - fitted.lever) > np.maximum(SURELY_M, SURE_SIGMAS * fitted.sd))))
 
 
 def check_truth(truth: Trajectory, gnss: GnssLog) -> Finding:
