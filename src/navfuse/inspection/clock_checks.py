@@ -104,11 +104,15 @@ def _difference(imu: tuple[float, float], gnss: tuple[float, float]) -> tuple[st
 
 @dataclass(frozen=True, slots=True)
 class Clocks:
-    """What was found of the offset, what to add to the inertial stamps [s], and how well accelerations then agree."""
+    """What was found of the offset, what to add to the inertial stamps [s], and how well accelerations then agree.
+
+    `best` is the largest correlation at any shift if none is to be believed, None if nothing was compared.
+    """
 
     finding: Finding
     offset: float
     correlation: float | None = None
+    best: float | None = None
 
 
 def check_offset(imu: ImuLog, gnss: GnssLog, shift: float, turn_lag: float | None, declared: Declared) -> Clocks:
@@ -130,7 +134,8 @@ def check_offset(imu: ImuLog, gnss: GnssLog, shift: float, turn_lag: float | Non
     if found.offset is None:
         if far:
             return Clocks(_told(shift, far, 0.1, "turns", declared), begin)
-        return Clocks(Finding("time offset", Verdict.UNKNOWN, found.reason or "the logs do not tell"), shift)
+        return Clocks(Finding("time offset", Verdict.UNKNOWN, found.reason or "the logs do not tell"), shift,
+                      best=found.correlation if "different drives" in (found.reason or "") else None)  # fmt: skip
     sd = found.sd if found.sd is not None else 0.01
     used = f"{found.used}, correlation {found.correlation:.3f}"
     offset = found.offset

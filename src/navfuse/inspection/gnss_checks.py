@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -113,7 +114,8 @@ def read_raw_gnss(found: Recognised, epoch: tuple[int, float] | None = None) -> 
 
 
 def _at_stamps(rows: GnssRows, names: GnssNames, where: Where) -> RawGnss:
-    stamps = check_stamps(rows.time, names.time, "gnss", _pace(rows))
+    values = np.column_stack((rows.lat, rows.lon, rows.height))
+    stamps = check_stamps(rows.time, names.time, "gnss", _pace(rows), values)
     return RawGnss(replace(rows.take(stamps.rows), time=stamps.time), names, stamps, where)
 
 
@@ -149,8 +151,11 @@ def check_gnss(raw: RawGnss, source: str) -> GnssReport:
     found.append(_height(rows, raw.names))
     found.append(_outliers(rows))
     if rows.velocity_n is not None:
-        found.append(check_velocity(rows, raw.names, source))
-        found.append(check_vertical(rows, raw.names))
+        velocity = check_velocity(rows, raw.names, source)
+        found += [velocity, check_vertical(rows, raw.names)]
+        if velocity.verdict is Verdict.WRONG and not re.search("latitude|longitude|_rad", velocity.text):
+            # The checks against the inertial log go by what is left in order.
+            rows = replace(rows, velocity_n=None, sd_velocity=None)
     found += check_sigmas(_log(rows, source), rows.sd_position, raw.names.sd_position)
     return GnssReport(tuple(found), _log(rows, source))
 

@@ -61,7 +61,6 @@ def read_raw_imu(found: Recognised) -> RawImu:
     names = [found.columns[base].name for base in ("time", *(one.base for one in wanted)) if base in found.columns]
     values = table.read(names)
     time = scaled(values[found.columns["time"].name], UNITS["time"].get(found.columns["time"].unit, 1.0))
-    stamps = check_stamps(time, found.columns["time"].name, "imu")
     findings: list[Finding] = []
     triads = []
     for group in (wanted[:3], wanted[3:]):
@@ -71,7 +70,9 @@ def read_raw_imu(found: Recognised) -> RawImu:
             if column is not None:
                 factor = UNITS[one.quantity or ""].get(column.unit, 1.0)
                 triad[:, axis] = scaled(values[column.name], factor)
-        triads.append(triad[stamps.rows])
+        triads.append(triad)
+    stamps = check_stamps(time, found.columns["time"].name, "imu", values=np.hstack(triads))
+    triads = [triad[stamps.rows] for triad in triads]
     if missing:
         findings.append(
             Finding("columns", Verdict.WRONG, f"these columns are missing: {', '.join(missing)}", "export them too")
@@ -131,7 +132,11 @@ def check_imu(raw: RawImu, source: str, units: Mapping[str, str]) -> ImuReport:
         gyro, accel = accel, gyro
     kind, accel_factor, finding = accel_unit(time, accel, raw.kind, raw.names, source, units)
     found.append(finding)
+    gravity = finding.figures.get("gravity", 1.0) > 0.0
     gyro_factor, finding = gyro_unit(time, gyro, accel * accel_factor, kind, raw.names, source, units)
+    if not gravity and finding.verdict is not Verdict.OK:
+        text = "the accelerometers show no gravity that the gyros could be held against"
+        finding = Finding("gyro unit", Verdict.UNKNOWN, text, figures=finding.figures)
     found.append(finding)
     log = ImuLog(time, gyro * gyro_factor, accel * accel_factor, kind, source)
     return ImuReport(tuple(found), log, _suffixes(raw.kind, kind, gyro_factor, accel_factor))

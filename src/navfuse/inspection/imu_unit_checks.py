@@ -15,11 +15,17 @@ from navfuse.inspection.recognise import without_source
 from navfuse.io.columns import Field
 from navfuse.io.imu_plausibility import check_accel, check_gyro, gravity_coherence
 from navfuse.io.imu_table import INCREMENTS, RATES
+from navfuse.io.units import UNITS
 
 Array = np.ndarray
 Kind = Literal["rates", "increments"]
 
 _G = STANDARD_GRAVITY
+_GYRO_WORDS = {
+    "deg/s": np.pi / 180.0, "mrad/s": 1e-3, "mdeg/s": 1e-3 * np.pi / 180.0, "deg/h": np.pi / 180.0 / 3600.0,
+}  # fmt: skip
+_GYRO_SUFFIX = {"deg/s": ("degps", 1.0), "mrad/s": ("mradps", 1.0), "mdeg/s": ("degps", 1e3), "deg/h": ("degps", 3.6e3)}
+"""Suffix of a column for a unit of rates, and what to divide by before."""
 
 
 def per_second(values: Array, time: Array, kind: str) -> Array:
@@ -62,6 +68,17 @@ def accel_unit(
     def size(kind: Kind, factor: float) -> float:
         return factor * float(np.median(np.linalg.norm(per_second(accel, time, kind), axis=1)))
 
+    missing = _without_gravity(time, accel, kind)
+    if missing:
+        force = size(kind, 1.0)
+        message = (
+            f"columns {', '.join(names[4:])}: the median specific force is {force:.3g} m/s^2 where gravity alone makes "
+            f"9.8, and {missing}: gravity has been taken out, as from a 'linear acceleration' or by 9.81 subtracted "
+            "from one axis"
+        )
+        remedy = "export the specific force that the sensor measures, gravity included; no factor brings it back"
+        figures = {"force_mps2": force, "gravity": 0.0}
+        return kind, 1.0, Finding("accelerometer unit", Verdict.WRONG, message, remedy, figures=figures)
     stated = _stated(units, names, RATES[3:] if kind == "rates" else INCREMENTS[3:])
     force = size(kind, 1.0)
     figures = {"force_mps2": force}
@@ -88,6 +105,25 @@ def accel_unit(
     if kind == "increments":
         text += f", from velocity increments over {step:.4g} s"
     return kind, 1.0, Finding("accelerometer unit", Verdict.OK, text, figures=figures)
+
+
+def _without_gravity(time: Array, accel: Array, kind: str) -> str:
+    """Why no unit makes these the specific force of a sensor that gravity acts upon; "" if one may.
+
+    In whatever unit, means over a second keep the magnitude of gravity give or take manoeuvres. Without gravity what
+    is left are the manoeuvres, which come and go.
+    """
+    step = np.diff(time, prepend=2.0 * time[0] - time[1])
+    rates = accel / step[:, None] if kind == "increments" else accel
+    edges = np.searchsorted(time, np.arange(time[0], time[-1], 1.0))
+    counts = np.diff(edges)
+    if counts.size < 20 or counts.min() < 1:
+        return ""
+    means = np.linalg.norm(np.add.reduceat(rates, edges[:-1], axis=0)[: counts.size] / counts[:, None], axis=1)
+    low, middle, high = np.percentile(means, [10.0, 50.0, 90.0])
+    if middle > 0.5 * _G or not (low < 0.75 * middle and high > 1.25 * middle):
+        return ""
+    return f"means over a second range from {low:.2g} to {high:.2g} m/s^2 (10 % and 90 %), where gravity is steady"
 
 
 def _stated(units: Mapping[str, str], names: tuple[str, ...], group: Sequence[Field]) -> bool:
@@ -135,8 +171,7 @@ def gyro_unit(
         notes = tried(1.0)
     except InputError as error:
         message = without_source(str(error), source)
-        fault, _, remedy = message.partition(": rename to ")
-        remedy = f"rename to {remedy}" if remedy else "check the unit of the gyro columns"
+        fault = message.partition(": rename to ")[0]
         order = _other_order(time, gyro, accel, kind)
         if order:
             message = (
@@ -146,12 +181,23 @@ def gyro_unit(
                 "gyro order", Verdict.WRONG, message, f"correct the gyro columns: {order}", figures=figures
             )
             return 1.0, finding
-        factor = np.pi / 180.0
-        try:
-            tried(factor)
-        except InputError:
-            factor = 1.0
-        return factor, Finding("gyro unit", Verdict.WRONG, fault, remedy, figures=figures)
+        fault = fault.partition("; are these degrees?")[0]
+        group = RATES if kind == "rates" else INCREMENTS
+        said = UNITS[group[0].quantity or ""].get(units.get(group[0].base, ""), 1.0)
+        for unit, size in _GYRO_WORDS.items():
+            factor = size / said
+            try:
+                fits = not tried(factor)
+            except InputError:
+                continue
+            if fits:
+                suffix, parts = _GYRO_SUFFIX[unit]
+                name = f"gyro_x_{suffix}" if kind == "rates" else f"dtheta_x_{suffix.removesuffix('ps')}"
+                remedy = f"rename to {name} ..." if parts == 1.0 else f"divide by {parts:g} and rename to {name} ..."
+                message = fault if "if they are" in fault else f"{fault}; as {unit} they would be those of a vehicle"
+                return factor, Finding("gyro unit", Verdict.WRONG, message, remedy, figures=figures)
+        remedy = "check unit and columns of the gyros; no usual unit makes these the rates of a vehicle"
+        return 1.0, Finding("gyro unit", Verdict.WRONG, fault, remedy, figures=figures)
     if notes:
         order = _other_order(time, gyro, accel, kind)
         if order:

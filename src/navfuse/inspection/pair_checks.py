@@ -26,6 +26,10 @@ Array = np.ndarray
 
 TILTED = np.radians(30.0)
 SURE = 0.6
+SCALE_OFF, SCALE_SIGMAS = 0.1, 4.0
+"""Scale of the gyros that is told, if it is this significant."""
+OTHER_TURNS, OTHER_ACCELERATIONS = 0.5, 0.7
+"""Correlations below which both have to be for logs to be of different drives."""
 ARM_CORRELATION = 0.99
 """Below it (a boat in waves) the arm that the turns show is not to be trusted."""
 SURE_ARM_SD_M, SURELY_M = 0.3, 1.5
@@ -53,6 +57,18 @@ def check_pair(imu: ImuLog, gnss: GnssLog, declared: Declared) -> list[Finding]:
     turns, lag = _check_turns(moved, gnss)
     clocks = check_offset(imu, gnss, overlap.shift, lag, declared)
     found = [overlap.finding, turns, clocks.finding]
+    alike = abs(turns.figures.get("correlation", 1.0))
+    if clocks.best is not None and alike < OTHER_TURNS and clocks.best < OTHER_ACCELERATIONS:
+        found.append(
+            Finding(
+                "same drive",
+                Verdict.LOOK,
+                f"neither turns (correlation {alike:.2f}) nor accelerations (correlation {clocks.best:.2f}) of the two "
+                "logs agree at any shift of seconds, though the vehicle moves",
+                "are these of one drive? If they are, their clocks are further apart than was searched",
+                figures={"turns": alike, "accelerations": clocks.best},
+            )
+        )
     placed = replace(imu, time=imu.time + clocks.offset)
     axes = find_axes(placed, gnss)
     found += check_axes(axes, declared, with_gnss=True, inverted=lambda: inverted_accelerometer(placed, gnss))
@@ -102,6 +118,14 @@ def _check_turns(imu: ImuLog, gnss: GnssLog) -> tuple[Finding, float | None]:
     if slope:
         return Finding("turns", Verdict.LOOK, slope[0], figures=figures), fit.lag_s
     text = f"the gyros turn {fit.ratio:.3f} times as much as the course (correlation {fit.correlation:.3f})"
+    sd = fit.ratio * float(np.sqrt(max(1.0 / fit.correlation**2 - 1.0, 0.0) / max(fit.count - 2, 1)))
+    figures |= {"ratio_sd": sd}
+    # By noise of the course alone the ratio is right, by noise of the gyros alone it is right times the correlation^2.
+    low, high = fit.ratio * fit.correlation**2 - SCALE_SIGMAS * sd, fit.ratio + SCALE_SIGMAS * sd
+    if (fit.ratio < 1.0 - SCALE_OFF and high < 1.0) or (fit.ratio > 1.0 + SCALE_OFF and low > 1.0):
+        text += f", give or take {sd:.2g}: their scale is off"
+        remedy = f"divide the gyro columns by {fit.ratio:.3g}, or look up their scale"
+        return Finding("turns", Verdict.LOOK, text, remedy, figures=figures), fit.lag_s
     return Finding("turns", Verdict.OK, text, figures=figures), fit.lag_s
 
 

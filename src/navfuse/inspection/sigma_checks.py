@@ -21,6 +21,8 @@ COARSE_M = 20.0
 much alike from row to row, so that a ratio above TOO_LARGE counts only with more than COARSE_M stated.
 """
 IDEAL_M = 1e-4
+ROOT_FITS = 5.0
+"""Factor within which another reading of the stated values, or another kind of fix, explains them."""
 BY_KIND = 20.0
 """Stated standard deviation against what is usual for the kind of fix."""
 
@@ -67,6 +69,19 @@ def check_sigmas(log: GnssLog, stated: Array | None, names: tuple[str, ...]) -> 
         if not usual / BY_KIND <= sd <= usual * BY_KIND:
             size = "large" if sd > usual else "small"
             text = f"{said} for fixes called {kind}, which reach {usual:g} m as a rule"
+            if _are_variances(sd, usual, scatter):
+                return [_variances(text, sd, figures)]
+            better = _fitting_kind(sd, scatter)
+            if better:
+                return [
+                    Finding(
+                        "position sigmas",
+                        Verdict.LOOK,
+                        f"{text}; they scatter by {scatter:.3g} m, as {better} ones with such sigmas do",
+                        f"correct the fix label, if these are {better}; otherwise the sigmas",
+                        figures=dict(figures) | {"scatter_m": scatter or 0.0},
+                    )
+                ]
             return [_sigma_finding(text, size, sd / usual, figures)]
     if scatter is None:
         message = f"{said}; too few fixes in a row to see their scatter"
@@ -80,8 +95,41 @@ def check_sigmas(log: GnssLog, stated: Array | None, names: tuple[str, ...]) -> 
     if not kind and (ratio > FAR_TOO_LARGE or (ratio > TOO_LARGE and sd > COARSE_M)):
         return [_sigma_finding(text, "large", ratio, figures)]
     if ratio < TOO_SMALL and scatter > 0.005:
+        if not kind and _are_variances(sd, scatter, scatter):
+            return [_variances(text, sd, figures)]
         return [_sigma_finding(text, "small", ratio, figures)]
     return [Finding("position sigmas", Verdict.OK, text, figures=figures)]
+
+
+def _are_variances(sd: float, usual: float, scatter: float | None) -> bool:
+    """Whether the root of what is stated fits much better than any power of ten that a unit would make."""
+    root = np.sqrt(sd)
+
+    def misfit(value: float) -> float:
+        return abs(np.log(value / usual))
+
+    by_unit = min(misfit(sd * factor) for factor in (1.0, 1e-3, 1e-2, 1e2, 1e3))
+    near = misfit(root) < np.log(ROOT_FITS) and misfit(root) < by_unit
+    return bool(near and (scatter is None or scatter < IDEAL_M or root > TOO_SMALL * scatter))
+
+
+def _variances(text: str, sd: float, figures: Mapping[str, float]) -> Finding:
+    return Finding(
+        "position sigmas",
+        Verdict.LOOK,
+        f"{text}: they look like variances in m^2, whose roots are {np.sqrt(sd):.2g} m",
+        "write the square roots of these columns",
+        figures=dict(figures) | {"root_m": float(np.sqrt(sd))},
+    )
+
+
+def _fitting_kind(sd: float, scatter: float | None) -> str:
+    """The kind of fix that goes with the stated standard deviation and the measured scatter, "" if none does."""
+    if scatter is None or scatter < IDEAL_M or not TOO_SMALL <= sd / scatter <= TOO_LARGE:
+        return ""
+    kinds = {name: abs(np.log(sd / usual[0])) for name, usual in DEFAULT_SD_POSITION.items() if name}
+    best = min(kinds, key=kinds.__getitem__)
+    return best if kinds[best] < np.log(ROOT_FITS) else ""
 
 
 def _sigma_finding(text: str, size: str, ratio: float, figures: Mapping[str, float]) -> Finding:
