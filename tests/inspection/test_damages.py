@@ -53,6 +53,10 @@ CASES = {
     "shuffled": (damages.shuffled, "stamps", "in no order"),
     "rows twice": (damages.rows_twice, "stamps", "exact duplicates"),
     "weak gyros": (damages.weak_gyros, "turns", "scale is off"),
+    "frozen": (damages.frozen, "frozen positions", "does not change at all for"),
+    "minutes": (damages.minutes_as_fraction, "velocity", "ddmm.mmmm"),
+    "flipped midway": (damages.axis_flipped_midway, "axes change", "first half"),
+    "clock drift": (damages.clock_drifts, "clock drift", "ppm"),
 }
 """What was done -> who has to find it, and a word of how it is called."""
 
@@ -92,6 +96,8 @@ QUICK = (
     "milli-degrees",
     "velocities exchanged",
     "shuffled",
+    "clock drift",
+    "flipped midway",
 )
 
 
@@ -115,7 +121,7 @@ def test_nothing_is_found_in_the_clean_drive(city):
 
 REAL = [
     "degrees", "g", "FLU", "IMU late", "sigmas large", "sigmas small", "stuck", "places exchanged", "kind", "rollover",
-    "gap", *NOT, "weak gyros",
+    "gap", *NOT, "weak gyros", "frozen", "minutes", "flipped midway", "clock drift",
 ]  # fmt: skip
 LOGS = {
     "car-1h-200hz": {"axes": "FRD", "fine": ()},

@@ -107,12 +107,14 @@ class Clocks:
     """What was found of the offset, what to add to the inertial stamps [s], and how well accelerations then agree.
 
     `best` is the largest correlation at any shift if none is to be believed, None if nothing was compared.
+    `contradicted` says that positions and velocities tell different offsets.
     """
 
     finding: Finding
     offset: float
     correlation: float | None = None
     best: float | None = None
+    contradicted: bool = False
 
 
 def check_offset(imu: ImuLog, gnss: GnssLog, shift: float, turn_lag: float | None, declared: Declared) -> Clocks:
@@ -150,7 +152,8 @@ def check_offset(imu: ImuLog, gnss: GnssLog, shift: float, turn_lag: float | Non
             f"by positions; velocities say {far + found.by_velocities:+.3f} s: the receiver's velocities lag or lead "
             'its positions. Look whether the run fits better with gnss.use = ["position"]'
         )
-    return Clocks(_told(shift, far + offset, sd, used, declared, slack), begin + offset, found.correlation)
+    return Clocks(_told(shift, far + offset, sd, used, declared, slack), begin + offset, found.correlation,
+                  contradicted=found.by_positions is not None)  # fmt: skip
 
 
 def _told(shift: float, offset: float, sd: float, used: str, declared: Declared, slack: float | None = None) -> Finding:

@@ -10,7 +10,7 @@ import numpy as np
 from navfuse.data.logs import GnssLog
 from navfuse.errors import InputError
 from navfuse.inspection.findings import Finding, Verdict
-from navfuse.inspection.motion_checks import check_velocity, check_vertical, metres
+from navfuse.inspection.motion_checks import check_frozen, check_velocity, check_vertical, metres
 from navfuse.inspection.recognise import PLACE, Recognised, without_source
 from navfuse.inspection.sigma_checks import check_sigmas
 from navfuse.inspection.time_checks import Stamps, check_stamps
@@ -149,11 +149,11 @@ def check_gnss(raw: RawGnss, source: str) -> GnssReport:
     rows, finding = _position(rows, raw.names, source, where)
     found.append(finding)
     found.append(_height(rows, raw.names))
-    found.append(_outliers(rows))
+    found += [_outliers(rows), *check_frozen(rows)]
     if rows.velocity_n is not None:
         velocity = check_velocity(rows, raw.names, source)
         found += [velocity, check_vertical(rows, raw.names)]
-        if velocity.verdict is Verdict.WRONG and not re.search("latitude|longitude|_rad", velocity.text):
+        if velocity.verdict is Verdict.WRONG and not re.search("latitude|longitude|_rad|minutes", velocity.text):
             # The checks against the inertial log go by what is left in order.
             rows = replace(rows, velocity_n=None, sd_velocity=None)
     found += check_sigmas(_log(rows, source), rows.sd_position, raw.names.sd_position)

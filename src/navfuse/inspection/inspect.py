@@ -296,14 +296,14 @@ def _between(reports: list[FileReport], logs: _Logs, declared: Declared) -> list
         if logs.gnss is not None and imu.time.size > 10:
             pair = check_pair(imu, logs.gnss, declared)
             if any(one.check in _SPOILING and one.verdict is Verdict.WRONG for one in reports[at].findings):
-                pair = [one for one in pair if one.check not in ("handedness", "signs", "same drive")]
+                pair = [one for one in pair if one.check not in ("handedness", "signs", "same drive", "axes change")]
             if _is_wrong(reports, "gnss", ("velocity",)):
                 # Course and accelerations of fixes that contradict themselves accuse the inertial sensor falsely.
-                faults = ("handedness", "signs", "turns", "same drive")
+                faults = ("handedness", "signs", "turns", "same drive", "axes change", "clock drift")
                 pair = [one for one in pair if one.check not in faults or one.verdict is Verdict.OK]
             if _is_wrong(reports, "imu", ("accelerometer unit", "gyro unit")):
-                pair = [one for one in pair if one.check != "same drive"]
-            mine = ("axes", "handedness", "signs")
+                pair = [one for one in pair if one.check not in ("same drive", "axes change")]
+            mine = ("axes", "axes change", "handedness", "signs")
             own += [one for one in pair if one.check in mine]
             between += [one for one in pair if one.check not in mine]
         else:

@@ -15,10 +15,11 @@ from navfuse.imu.increments import ImuIncrements, to_increments
 from navfuse.imu.lever_arm import LeverArm, fit_lever_arm
 from navfuse.imu.lever_arm import check_lever_arm as contradictions
 from navfuse.imu.mounting import FoundAxes, find_axes
-from navfuse.imu.turning import ALIKE, TurnFit, check_fit, fit_turns
-from navfuse.inspection.clock_checks import SURE_SIGMAS, check_offset, check_overlap
+from navfuse.imu.turning import ALIKE, FEWEST, LEAST_TURN, TurnFit, changes_of_course, check_fit, fit_turns
+from navfuse.inspection.clock_checks import SURE_SIGMAS, Clocks, check_offset, check_overlap
 from navfuse.inspection.declared import Declared
 from navfuse.inspection.findings import Finding, Verdict
+from navfuse.inspection.halves import check_change, check_drift, halves
 from navfuse.inspection.sign_checks import check_signs, inverted_accelerometer
 from navfuse.io.imu_table import body_from_file
 
@@ -57,21 +58,15 @@ def check_pair(imu: ImuLog, gnss: GnssLog, declared: Declared) -> list[Finding]:
     turns, lag = _check_turns(moved, gnss)
     clocks = check_offset(imu, gnss, overlap.shift, lag, declared)
     found = [overlap.finding, turns, clocks.finding]
-    alike = abs(turns.figures.get("correlation", 1.0))
-    if clocks.best is not None and alike < OTHER_TURNS and clocks.best < OTHER_ACCELERATIONS:
-        found.append(
-            Finding(
-                "same drive",
-                Verdict.LOOK,
-                f"neither turns (correlation {alike:.2f}) nor accelerations (correlation {clocks.best:.2f}) of the two "
-                "logs agree at any shift of seconds, though the vehicle moves",
-                "are these of one drive? If they are, their clocks are further apart than was searched",
-                figures={"turns": alike, "accelerations": clocks.best},
-            )
-        )
+    found += _check_same_drive(moved, gnss, turns, clocks)
     placed = replace(imu, time=imu.time + clocks.offset)
     axes = find_axes(placed, gnss)
     found += check_axes(axes, declared, with_gnss=True, inverted=lambda: inverted_accelerometer(placed, gnss))
+    parts = halves(placed, gnss)
+    if parts is not None:
+        drift = check_drift(parts, clocks.contradicted)
+        change = check_change(parts) if axes.axes is None else None
+        found += [one for one in (drift, change) if one is not None]
     if clocks.correlation is not None:
         found += check_signs(placed, gnss, axes, clocks.correlation)
     body = axes.axes or declared.axes
@@ -81,6 +76,32 @@ def check_pair(imu: ImuLog, gnss: GnssLog, declared: Declared) -> list[Finding]:
         fitted = fit_lever_arm(replace(placed, gyro=placed.gyro @ matrix.T, accel=placed.accel @ matrix.T), gnss)
     found.append(check_lever_arm(declared, fitted))
     return found
+
+
+def _check_same_drive(imu: ImuLog, gnss: GnssLog, turns: Finding, clocks: Clocks) -> list[Finding]:
+    """Ask, where neither turns nor accelerations of a vehicle that turns agree."""
+    if clocks.best is None:
+        return []
+    alike = turns.figures.get("correlation")
+    if alike is None:
+        course = changes_of_course(gnss, float(imu.time[0]), float(imu.time[-1]))[2]
+        if course.size < FEWEST or float(np.std(course)) < LEAST_TURN:
+            return []
+        said = "the turns fit at several shifts or at none"
+    else:
+        said = f"the turns do not agree (correlation {alike:.2f})"
+    if abs(alike or 0.0) > OTHER_TURNS or clocks.best > OTHER_ACCELERATIONS:
+        return []
+    return [
+        Finding(
+            "same drive",
+            Verdict.LOOK,
+            f"the vehicle of the fixes moves and turns, but {said} and neither do the accelerations (correlation "
+            f"{clocks.best:.2f})",
+            "are these of one drive? If they are, their clocks are further apart than was searched",
+            figures={"accelerations": clocks.best},
+        )
+    ]
 
 
 def _check_axes_alone(imu: ImuLog, declared: Declared) -> list[Finding]:
