@@ -125,7 +125,7 @@ REAL = [
 ]  # fmt: skip
 LOGS = {
     "car-1h-200hz": {"axes": "FRD", "fine": ()},
-    "rtklibexplorer-drive": {"axes": "BRU", "fine": ("axes", "time offset")},
+    "rtklibexplorer-drive": {"axes": "BRU", "fine": ("axes", "time offset", "clock drift")},
 }
 
 

@@ -68,8 +68,8 @@ def check_drift(parts: tuple[Half, Half], positions_only: bool) -> Finding | Non
         "clock drift",
         Verdict.LOOK,
         f"besides the offset of the whole, {first:+.3f} s are to be added to the inertial stamps in the first half and "
-        f"{second:+.3f} s in the second, by {by}, give or take {sd:.2g} s between them: the clocks drift apart by {1e6 * abs(rate):.3g} ppm "
-        f"({3600.0 * abs(rate):.3g} s/h), or one of them jumps",
+        f"{second:+.3f} s in the second, by {by}, give or take {sd:.2g} s between them: the clocks drift apart by "
+        f"{1e6 * abs(rate):.3g} ppm ({3600.0 * abs(rate):.3g} s/h), or one of them jumps",
         f"no single imu.time_offset_s fits; stretch the inertial stamps by a factor of {1.0 + rate:.7g}, or use stamps "
         "of one clock",
         figures={"drift_ppm": 1e6 * rate, "change_s": change, "change_sd_s": sd},

@@ -65,7 +65,7 @@ def check_pair(imu: ImuLog, gnss: GnssLog, declared: Declared) -> list[Finding]:
     parts = halves(placed, gnss)
     if parts is not None:
         drift = check_drift(parts, clocks.contradicted)
-        change = check_change(parts) if axes.axes is None else None
+        change = check_change(parts) if axes.axes is None or clocks.correlation is None else None
         found += [one for one in (drift, change) if one is not None]
     if clocks.correlation is not None:
         found += check_signs(placed, gnss, axes, clocks.correlation)
