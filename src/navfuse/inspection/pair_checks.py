@@ -9,26 +9,22 @@ import numpy as np
 
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.trajectory import Trajectory
-from navfuse.errors import InputError
-from navfuse.imu.gaps import gap_limit
-from navfuse.imu.increments import ImuIncrements, to_increments
 from navfuse.imu.lever_arm import LeverArm, fit_lever_arm
 from navfuse.imu.lever_arm import check_lever_arm as contradictions
 from navfuse.imu.mounting import FoundAxes, find_axes
-from navfuse.imu.turning import ALIKE, FEWEST, LEAST_TURN, TurnFit, changes_of_course, check_fit, fit_turns
+from navfuse.imu.turning import FEWEST, LEAST_TURN, changes_of_course
 from navfuse.inspection.clock_checks import SURE_SIGMAS, Clocks, check_offset, check_overlap
 from navfuse.inspection.declared import Declared
 from navfuse.inspection.findings import Finding, Verdict
 from navfuse.inspection.halves import check_change, check_drift, halves
 from navfuse.inspection.sign_checks import check_signs, inverted_accelerometer
+from navfuse.inspection.turn_checks import check_turns
 from navfuse.io.imu_table import body_from_file
 
 Array = np.ndarray
 
 TILTED = np.radians(30.0)
 SURE = 0.6
-SCALE_OFF, SCALE_SIGMAS = 0.1, 4.0
-"""Scale of the gyros that is told, if it is this significant."""
 OTHER_TURNS, OTHER_ACCELERATIONS = 0.5, 0.7
 """Correlations below which both have to be for logs to be of different drives."""
 ARM_CORRELATION = 0.99
@@ -55,7 +51,7 @@ def check_pair(imu: ImuLog, gnss: GnssLog, declared: Declared) -> list[Finding]:
     if not overlap.met:
         return [overlap.finding, *_check_axes_alone(imu, declared)]
     moved = replace(imu, time=imu.time + overlap.shift) if overlap.shift else imu
-    turns, lag = _check_turns(moved, gnss)
+    turns, lag = check_turns(moved, gnss)
     clocks = check_offset(imu, gnss, overlap.shift, lag, declared)
     found = [overlap.finding, turns, clocks.finding]
     found += _check_same_drive(moved, gnss, turns, clocks)
@@ -111,73 +107,6 @@ def _check_axes_alone(imu: ImuLog, declared: Declared) -> list[Finding]:
 def check_imu_axes(imu: ImuLog, declared: Declared) -> list[Finding]:
     """The vertical of an inertial log without fixes; parameters as for :func:`check_pair`."""
     return _check_axes_alone(imu, declared)
-
-
-def _check_turns(imu: ImuLog, gnss: GnssLog) -> tuple[Finding, float | None]:
-    """Turns of gyros and course, by the rules of the run; and how late the inertial stamps are, if that is sure."""
-    increments = to_increments(imu, gap_limit(imu.time))
-    fit = fit_turns(increments, gnss)
-    if fit is None:
-        return Finding("turns", Verdict.UNKNOWN, "too few turns at speed to compare gyros and course"), None
-    figures = {"ratio": fit.ratio, "lag_s": fit.lag_s, "correlation": fit.correlation}
-    mirrored = _other_reading(increments, gnss, fit)
-    if mirrored:
-        return Finding("turns", Verdict.WRONG, *mirrored, figures=figures), None
-    if abs(fit.correlation) < ALIKE:
-        text = (
-            f"gyros and course do not turn alike (correlation {fit.correlation:.2f}): it points elsewhere than it goes"
-        )
-        return Finding("turns", Verdict.UNKNOWN, text, figures=figures), None
-    try:
-        notes = check_fit(fit)
-    except InputError as error:
-        remedy = "correct signs or units of the gyro columns"
-        if fit.ratio < 0.0:
-            remedy += ", or the sign of the longitude or the latitude (west and south are negative)"
-        return Finding("turns", Verdict.WRONG, str(error), remedy, figures=figures), None
-    slope = [note for note in notes if "times as much" in note]
-    if slope:
-        return Finding("turns", Verdict.LOOK, slope[0], figures=figures), fit.lag_s
-    text = f"the gyros turn {fit.ratio:.3f} times as much as the course (correlation {fit.correlation:.3f})"
-    sd = fit.ratio * float(np.sqrt(max(1.0 / fit.correlation**2 - 1.0, 0.0) / max(fit.count - 2, 1)))
-    figures |= {"ratio_sd": sd}
-    # By noise of the course alone the ratio is right, by noise of the gyros alone it is right times the correlation^2.
-    low, high = fit.ratio * fit.correlation**2 - SCALE_SIGMAS * sd, fit.ratio + SCALE_SIGMAS * sd
-    if (fit.ratio < 1.0 - SCALE_OFF and high < 1.0) or (fit.ratio > 1.0 + SCALE_OFF and low > 1.0):
-        text += f", give or take {sd:.2g}: their scale is off"
-        remedy = f"divide the gyro columns by {fit.ratio:.3g}, or look up their scale"
-        return Finding("turns", Verdict.LOOK, text, remedy, figures=figures), fit.lag_s
-    return Finding("turns", Verdict.OK, text, figures=figures), fit.lag_s
-
-
-def _other_reading(increments: ImuIncrements, gnss: GnssLog, fit: TurnFit) -> tuple[str, str] | None:
-    """Message and remedy if the course agrees with the gyros only if the positions are read otherwise."""
-    if fit.correlation > 0.97 and gnss.velocity_n is None and abs(fit.ratio - 1.0) < 0.3:
-        return None
-    if gnss.velocity_n is not None or (fit.correlation > ALIKE and abs(fit.ratio - 1.0) < 0.3):
-        return None
-    half = np.pi / 2.0
-    trials = {}
-    if (np.abs(gnss.lon) <= half).all():
-        trials["latitude and longitude are exchanged"] = (
-            replace(gnss, lat=gnss.lon, lon=gnss.lat), "exchange the names of the two columns")  # fmt: skip
-    degrees = 180.0 / np.pi
-    if (np.abs(gnss.lat) * degrees <= half).all():
-        trials["the latitude is in radians"] = (replace(gnss, lat=gnss.lat * degrees), "rename it to 'lat_rad'")
-    if (np.abs(gnss.lon) * degrees <= 2.0 * np.pi).all():
-        trials["the longitude is in radians"] = (replace(gnss, lon=gnss.lon * degrees), "rename it to 'lon_rad'")
-    best: tuple[float, str, str] = (max(abs(fit.correlation) + 0.02, ALIKE), "", "")
-    for words, (log, remedy) in trials.items():
-        other = fit_turns(increments, log)
-        if other is not None and other.correlation > best[0] and abs(other.ratio - 1.0) < 0.3:
-            best = (other.correlation, words, remedy)
-    if not best[1]:
-        return None
-    return (
-        f"the positions turn as the gyros do only if {best[1]}: correlation {best[0]:.3f} "
-        f"instead of {fit.correlation:.3f}",
-        best[2],
-    )
 
 
 def check_axes(
