@@ -144,6 +144,8 @@ def test_the_shared_drives_are_clean(log, shared_data):
 @pytest.mark.parametrize("log", LOGS)
 def test_a_fault_of_a_shared_drive_is_named(log, name, shared_data, tmp_path):
     damage, checks, word = CASES[name]
+    if log.startswith("car") and name in ("velocities exchanged", "frozen", "minutes"):
+        pytest.skip("this log has no velocities")
     imu, gnss = read_columns(shared_data / log / "imu.parquet"), read_columns(shared_data / log / "gnss.csv")
     damage(imu, gnss)
     found = inspect(write(tmp_path, imu, gnss))

@@ -70,7 +70,7 @@ def check_sigmas(log: GnssLog, stated: Array | None, names: tuple[str, ...]) -> 
             size = "large" if sd > usual else "small"
             text = f"{said} for fixes called {kind}, which reach {usual:g} m as a rule"
             if _are_variances(sd, usual, scatter):
-                return [_variances(text, sd, figures)]
+                return [_variances(text, sd, usual, figures)]
             better = _fitting_kind(sd, scatter)
             if better:
                 return [
@@ -96,29 +96,31 @@ def check_sigmas(log: GnssLog, stated: Array | None, names: tuple[str, ...]) -> 
         return [_sigma_finding(text, "large", ratio, figures)]
     if ratio < TOO_SMALL and scatter > 0.005:
         if not kind and _are_variances(sd, scatter, scatter):
-            return [_variances(text, sd, figures)]
+            return [_variances(text, sd, scatter, figures)]
         return [_sigma_finding(text, "small", ratio, figures)]
     return [Finding("position sigmas", Verdict.OK, text, figures=figures)]
 
 
 def _are_variances(sd: float, usual: float, scatter: float | None) -> bool:
-    """Whether the root of what is stated fits much better than any power of ten that a unit would make."""
+    """Whether the root of what is stated fits, and no power of ten that a unit would make fits clearly better."""
     root = np.sqrt(sd)
 
     def misfit(value: float) -> float:
         return abs(np.log(value / usual))
 
     by_unit = min(misfit(sd * factor) for factor in (1.0, 1e-3, 1e-2, 1e2, 1e3))
-    near = misfit(root) < np.log(ROOT_FITS) and misfit(root) < by_unit
+    near = misfit(root) < np.log(ROOT_FITS) and misfit(root) < by_unit + np.log(2.0)
     return bool(near and (scatter is None or scatter < IDEAL_M or root > TOO_SMALL * scatter))
 
 
-def _variances(text: str, sd: float, figures: Mapping[str, float]) -> Finding:
+def _variances(text: str, sd: float, usual: float, figures: Mapping[str, float]) -> Finding:
+    times = max(sd / usual, usual / sd)
     return Finding(
         "position sigmas",
         Verdict.LOOK,
-        f"{text}: they look like variances in m^2, whose roots are {np.sqrt(sd):.2g} m",
-        "write the square roots of these columns",
+        f"{text}: they look too {'large' if sd > usual else 'small'}, about {times:.2g} times, as variances in m^2 "
+        f"do, whose roots are {np.sqrt(sd):.2g} m",
+        "write the square roots of these columns; or correct their unit, if they are no variances",
         figures=dict(figures) | {"root_m": float(np.sqrt(sd))},
     )
 
