@@ -57,6 +57,11 @@ def declared_by(project: Project) -> Declared:
         arm = np.array(project.gnss.lever_arm_m)
     return Declared(
         stated=True,
+        explicit=frozenset(
+            f"{name}.{key}"
+            for name, part in (("imu", project.imu), ("gnss", project.gnss))
+            for key in part.model_fields_set
+        ),
         axes=project.imu.axes,
         rotation=None if project.imu.rotation is None else np.array(project.imu.rotation),
         imu_time_offset=project.imu.time_offset_s,

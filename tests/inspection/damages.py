@@ -220,6 +220,78 @@ def twice(imu: Columns, gnss: Columns) -> None:
     imu[gyros(imu)[1]] = imu[gyros(imu)[0]]
 
 
+def gravity_subtracted(imu: Columns, gnss: Columns) -> None:
+    """9.81 taken off the axis that points up."""
+    name = accels(imu)[2]
+    step = np.diff(imu["time_s"], prepend=2.0 * imu["time_s"][0] - imu["time_s"][1])
+    per_row = step if name.startswith("dvel") else 1.0
+    imu[name] = imu[name] - np.sign(np.median(imu[name])) * G * per_row
+
+
+def milli_degrees(imu: Columns, gnss: Columns) -> None:
+    scale(imu, gyros(imu), 1000.0 * 180.0 / np.pi)
+
+
+def called_single(imu: Columns, gnss: Columns) -> None:
+    gnss["fix"] = np.full(gnss["time_s"].size, "single")
+
+
+def variances(imu: Columns, gnss: Columns) -> None:
+    for name in ("sd_north_m", "sd_east_m", "sd_down_m"):
+        gnss[name] = gnss[name] ** 2
+
+
+def velocities_exchanged(imu: Columns, gnss: Columns) -> None:
+    gnss["vn_mps"], gnss["ve_mps"] = gnss["ve_mps"], gnss["vn_mps"]
+
+
+def shuffled(imu: Columns, gnss: Columns) -> None:
+    order = np.random.default_rng(5).permutation(imu["time_s"].size)
+    for name in imu:
+        imu[name] = imu[name][order]
+
+
+def rows_twice(imu: Columns, gnss: Columns) -> None:
+    for name in imu:
+        imu[name] = np.repeat(imu[name], 2)
+
+
+def weak_gyros(imu: Columns, gnss: Columns) -> None:
+    scale(imu, gyros(imu), 0.8)
+
+
+def up_positive(imu: Columns, gnss: Columns) -> None:
+    scale(gnss, ["vd_mps"], -1.0)
+
+
+def frozen(imu: Columns, gnss: Columns) -> None:
+    """The position stays where it is for half a minute of motion."""
+    speed = np.hypot(gnss["vn_mps"], gnss["ve_mps"])
+    rows = round(30.0 / float(np.median(np.diff(gnss["time_s"]))))
+    total = np.convolve(speed, np.ones(rows), "valid")
+    first = int(np.argmax(total))
+    for name in ("lat_deg", "lon_deg", "height_m"):
+        gnss[name] = gnss[name].copy()
+        gnss[name][first : first + rows] = gnss[name][first]
+
+
+def minutes_as_fraction(imu: Columns, gnss: Columns) -> None:
+    """48 deg 30.5 min as 48.305."""
+    for name in ("lat_deg", "lon_deg"):
+        whole = np.trunc(gnss[name])
+        gnss[name] = whole + 0.6 * (gnss[name] - whole)
+
+
+def axis_flipped_midway(imu: Columns, gnss: Columns) -> None:
+    name, half = accels(imu)[1], imu["time_s"].size // 2
+    imu[name] = np.concatenate((imu[name][:half], -imu[name][half:]))
+
+
+def clock_drifts(imu: Columns, gnss: Columns) -> None:
+    """A second in a thousand."""
+    imu["time_s"] = imu["time_s"][0] + 1.001 * (imu["time_s"] - imu["time_s"][0])
+
+
 def write(folder, imu: Columns, gnss: Columns) -> tuple[str, str]:
     """Both tables into a folder; their paths."""
     names = str(folder / "imu.parquet"), str(folder / "gnss.csv")

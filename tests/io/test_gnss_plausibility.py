@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from navfuse.errors import InputError, NavfuseWarning
-from navfuse.io.gnss_plausibility import check_position_units, check_velocity_units
+from navfuse.io.gnss_plausibility import check_position_units, check_velocity_units, vertical_motion
 from navfuse.io.gnss_table import read_gnss
 from navfuse.io.tables import open_table, write_table
 
@@ -90,7 +90,30 @@ def test_height_in_millimetres():
 def test_upward_velocity_in_a_downward_column():
     *position, velocity = drive()
     (note,) = check_velocity_units(*position, velocity * (1.0, 1.0, -1.0), VELOCITY, "f")
-    assert "column 'vd_mps': the positions move -1.00 times as fast as these velocities say; is up positive" in note
+    assert "column 'vd_mps': the heights move -1.00 times" in note
+    assert "is up positive" in note
+
+
+def test_slow_climbs_tell_and_noise_of_heights_alone_does_not():
+    """0.1 m/s of climb under 0.1 m of noise: too slow for rows a second apart, clear over ten seconds."""
+    time = np.arange(600.0)
+    down = -0.1 * np.sign(np.sin(2.0 * np.pi * time / 120.0))
+    noise = 0.1 * np.random.default_rng(3).standard_normal(600)
+    height = -np.concatenate(([0.0], np.cumsum(0.5 * (down[1:] + down[:-1])))) + noise
+    assert abs(np.corrcoef(np.diff(height), down[1:])[0, 1]) < 0.7
+    for factor, words in ((1.0, ""), (-1.0, "up positive"), (1.0 / 0.3048, "in feet")):
+        motion = vertical_motion(time, factor * height, down)
+        assert motion is not None
+        assert motion.told
+        assert motion.ratio == pytest.approx(factor, abs=4.0 * motion.sd)
+        assert motion.odd == bool(words)
+        assert not words or words in motion.fault
+        assert motion.reversed == (factor == -1.0)
+    motion = vertical_motion(time, noise, 0.02 * np.random.default_rng(4).standard_normal(600))
+    assert motion is not None
+    assert not motion.told
+    assert vertical_motion(time, np.full(600, 5.0), down) is None
+    assert vertical_motion(time[:20], height[:20], down[:20]) is None
 
 
 def test_kmph_in_a_mps_column():

@@ -17,6 +17,8 @@ LEAP = 18.0
 LEAST_TOLD_S = 0.03
 """Offsets below are of no account: no vehicle moves enough in that time."""
 SIGMAS = 4.0
+SURE_SIGMAS, SURELY_S = 6.0, 0.1
+"""Beyond both a setting that somebody wrote down is wrong, rather than worth a look."""
 FAR_S = 0.8
 """Beyond it, turns are believed where accelerations are not."""
 
@@ -102,11 +104,17 @@ def _difference(imu: tuple[float, float], gnss: tuple[float, float]) -> tuple[st
 
 @dataclass(frozen=True, slots=True)
 class Clocks:
-    """What was found of the offset, what to add to the inertial stamps [s], and how well accelerations then agree."""
+    """What was found of the offset, what to add to the inertial stamps [s], and how well accelerations then agree.
+
+    `best` is the largest correlation at any shift if none is to be believed, None if nothing was compared.
+    `contradicted` says that positions and velocities tell different offsets.
+    """
 
     finding: Finding
     offset: float
     correlation: float | None = None
+    best: float | None = None
+    contradicted: bool = False
 
 
 def check_offset(imu: ImuLog, gnss: GnssLog, shift: float, turn_lag: float | None, declared: Declared) -> Clocks:
@@ -128,25 +136,33 @@ def check_offset(imu: ImuLog, gnss: GnssLog, shift: float, turn_lag: float | Non
     if found.offset is None:
         if far:
             return Clocks(_told(shift, far, 0.1, "turns", declared), begin)
-        return Clocks(Finding("time offset", Verdict.UNKNOWN, found.reason or "the logs do not tell"), shift)
+        return Clocks(Finding("time offset", Verdict.UNKNOWN, found.reason or "the logs do not tell"), shift,
+                      best=found.correlation if "different drives" in (found.reason or "") else None)  # fmt: skip
     sd = found.sd if found.sd is not None else 0.01
     used = f"{found.used}, correlation {found.correlation:.3f}"
     offset = found.offset
+    slack = SIGMAS * sd
     if found.by_positions is not None and found.by_velocities is not None:
         # Positions carry most: an offset moves them by the speed times it, velocities by the acceleration times it.
         offset = found.by_positions
-        sd = min(sd, 0.5 * abs(found.by_positions - found.by_velocities) / SIGMAS)
+        # Which of the two holds is not known: the standard deviation covers both, half of their distance and more.
+        # An offset larger than that half is worth telling all the same.
+        slack = min(slack, 0.5 * abs(found.by_positions - found.by_velocities))
         used = (
             f"by positions; velocities say {far + found.by_velocities:+.3f} s: the receiver's velocities lag or lead "
             'its positions. Look whether the run fits better with gnss.use = ["position"]'
         )
-    return Clocks(_told(shift, far + offset, sd, used, declared), begin + offset, found.correlation)
+    return Clocks(_told(shift, far + offset, sd, used, declared, slack), begin + offset, found.correlation,
+                  contradicted=found.by_positions is not None)  # fmt: skip
 
 
-def _told(shift: float, offset: float, sd: float, used: str, declared: Declared) -> Finding:
-    """What to say of an offset that remains after `shift`, which the overlap has told already."""
+def _told(shift: float, offset: float, sd: float, used: str, declared: Declared, slack: float | None = None) -> Finding:
+    """What to say of an offset that remains after `shift`, which the overlap has told already.
+
+    It is told beyond `slack` [s], four standard deviations if that is not given.
+    """
     figures = {"offset_s": shift + offset, "sd_s": sd}
-    slack = max(LEAST_TOLD_S, SIGMAS * sd)
+    slack = max(LEAST_TOLD_S, SIGMAS * sd if slack is None else slack)
     after = f" after {shift:+.10g} s" if shift else ""
     if abs(offset) <= slack:
         text = f"{offset:+.3f} s{after}, give or take {sd:.3f} s ({used})"
@@ -161,4 +177,11 @@ def _told(shift: float, offset: float, sd: float, used: str, declared: Declared)
             offset = LEAP if offset > 0.0 else -LEAP
     value = round(declared.imu_time_offset + shift + offset, 3)
     remedy = f"set imu.time_offset_s = {value!r}"
-    return Finding("time offset", Verdict.LOOK, text, remedy, {"imu.time_offset_s": value}, figures)
+    verdict = Verdict.LOOK
+    if declared.explicit & {"imu.time_offset_s", "gnss.time_offset_s"}:
+        text += f"; the project says imu.time_offset_s = {declared.imu_time_offset:g}"
+        if declared.gnss_time_offset:
+            text += f" and gnss.time_offset_s = {declared.gnss_time_offset:g}"
+        if abs(offset) > max(SURELY_S, SURE_SIGMAS * sd):
+            verdict = Verdict.WRONG
+    return Finding("time offset", verdict, text, remedy, {"imu.time_offset_s": value}, figures)

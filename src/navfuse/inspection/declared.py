@@ -17,6 +17,8 @@ class Declared:
     ----------
     stated : bool
         Whether a project says so; a default that does not fit is worth a look, a statement that does not fit is wrong.
+    explicit : frozenset of str
+        Keys that are written down, as "imu.time_offset_s", rather than left to their defaults.
     axes, rotation
         As :func:`navfuse.io.imu_table.read_imu` takes them.
     imu_time_offset, gnss_time_offset : float [s]
@@ -27,6 +29,7 @@ class Declared:
     """
 
     stated: bool = False
+    explicit: frozenset[str] = frozenset()
     axes: str = "FRD"
     rotation: Array | None = None
     imu_time_offset: float = 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,11 +10,13 @@ import numpy as np
 from navfuse.data.logs import GnssLog
 from navfuse.errors import InputError
 from navfuse.inspection.findings import Finding, Verdict
+from navfuse.inspection.motion_checks import check_frozen, check_velocity, check_vertical, metres
 from navfuse.inspection.recognise import PLACE, Recognised, without_source
+from navfuse.inspection.sigma_checks import check_sigmas
 from navfuse.inspection.time_checks import Stamps, check_stamps
 from navfuse.io.columns import Field
-from navfuse.io.gnss_plausibility import check_position_units, check_velocity_units
-from navfuse.io.gnss_rows import DEFAULT_SD_POSITION, NO_FIX, GnssNames, GnssRows, check_range
+from navfuse.io.gnss_plausibility import check_position_units
+from navfuse.io.gnss_rows import NO_FIX, GnssNames, GnssRows, check_range
 from navfuse.io.gnss_table import N_SATELLITES, SD_POSITION, SD_VELOCITY, VELOCITY
 from navfuse.io.rtklib_pos import rtklib_rows
 from navfuse.io.tables import Where
@@ -22,17 +24,6 @@ from navfuse.io.units import UNITS, scaled
 
 Array = np.ndarray
 
-_RADIUS = 6371e3
-WINDOW = 8
-FEWEST_WINDOWS = 4
-TOO_LARGE, FAR_TOO_LARGE, TOO_SMALL = 40.0, 150.0, 1.0 / 8.0
-COARSE_M = 20.0
-"""Stated standard deviation over scatter from row to row, beyond which it is told. Receivers smooth: their errors are
-much alike from row to row, so that a ratio above TOO_LARGE counts only with more than COARSE_M stated.
-"""
-IDEAL_M = 1e-4
-BY_KIND = 20.0
-"""Stated standard deviation against what is usual for the kind of fix."""
 OUTLIER_M, OUTLIER_TIMES = 30.0, 15.0
 DEEPEST, HIGHEST = -500.0, 20000.0
 
@@ -123,7 +114,8 @@ def read_raw_gnss(found: Recognised, epoch: tuple[int, float] | None = None) -> 
 
 
 def _at_stamps(rows: GnssRows, names: GnssNames, where: Where) -> RawGnss:
-    stamps = check_stamps(rows.time, names.time, "gnss", _pace(rows))
+    values = np.column_stack((rows.lat, rows.lon, rows.height))
+    stamps = check_stamps(rows.time, names.time, "gnss", _pace(rows), values)
     return RawGnss(replace(rows.take(stamps.rows), time=stamps.time), names, stamps, where)
 
 
@@ -132,7 +124,7 @@ def _pace(rows: GnssRows) -> float:
     rows = rows.take(np.isfinite(rows.time) & np.isfinite(rows.lat) & np.isfinite(rows.lon))
     if rows.time.size < 10:
         return np.nan
-    north, east = _metres(rows)
+    north, east = metres(rows)
     span = np.diff(rows.time)
     moved = np.hypot(np.diff(north), np.diff(east))[span > 0.0]
     far = np.percentile(np.hypot(north - np.median(north), east - np.median(east)), 90.0)
@@ -157,9 +149,13 @@ def check_gnss(raw: RawGnss, source: str) -> GnssReport:
     rows, finding = _position(rows, raw.names, source, where)
     found.append(finding)
     found.append(_height(rows, raw.names))
-    found.append(_outliers(rows))
+    found += [_outliers(rows), *check_frozen(rows)]
     if rows.velocity_n is not None:
-        found.append(_velocity(rows, raw.names, source))
+        velocity = check_velocity(rows, raw.names, source)
+        found += [velocity, check_vertical(rows, raw.names)]
+        if velocity.verdict is Verdict.WRONG and not re.search("latitude|longitude|_rad|minutes", velocity.text):
+            # The checks against the inertial log go by what is left in order.
+            rows = replace(rows, velocity_n=None, sd_velocity=None)
     found += check_sigmas(_log(rows, source), rows.sd_position, raw.names.sd_position)
     return GnssReport(tuple(found), _log(rows, source))
 
@@ -218,7 +214,7 @@ def _position(rows: GnssRows, names: GnssNames, source: str, where: Where) -> tu
         return rows, Finding("position", Verdict.WRONG, fault, f"rename {remedy}" if remedy else "")
     if notes:
         return rows, Finding("position", Verdict.LOOK, "; ".join(without_source(note, source) for note in notes))
-    north, east = _metres(rows)
+    north, east = metres(rows)
     size = float(np.hypot(np.ptp(north), np.ptp(east)))
     text = (
         f"around {np.degrees(np.median(rows.lat)):.4f} deg N, {np.degrees(np.median(rows.lon)):.4f} deg E, within "
@@ -247,7 +243,7 @@ def _outliers(rows: GnssRows) -> Finding:
     """Single fixes far from the path of those around them."""
     if rows.time.size < 7:
         return Finding("outliers", Verdict.UNKNOWN, f"{rows.time.size} fixes are too few to tell")
-    north, east = _metres(rows)
+    north, east = metres(rows)
     apart = np.hypot(_off_path(rows.time, north), _off_path(rows.time, east))
     usual = float(np.median(apart))
     far = np.flatnonzero(apart > max(OUTLIER_M, OUTLIER_TIMES * usual))
@@ -272,159 +268,6 @@ def _off_path(time: Array, values: Array) -> Array:
     wide = values[:-4] + (values[4:] - values[:-4]) * (time[2:-2] - time[:-4]) / (time[4:] - time[:-4])
     a, b = np.abs(values[2:-2] - near), np.abs(values[2:-2] - wide)
     return np.minimum(a, b)
-
-
-def _velocity(rows: GnssRows, names: GnssNames, source: str) -> Finding:
-    velocity = rows.velocity_n
-    assert velocity is not None
-    given = np.isfinite(velocity).all(axis=1)
-    if np.count_nonzero(given) < 3:
-        return Finding("velocity", Verdict.LOOK, "the columns of velocity are empty", "leave them out, or export them")
-    try:
-        notes = check_velocity_units(rows.time, rows.lat, rows.lon, rows.height, velocity, names.velocity, source)
-    except InputError as error:
-        fault, _, remedy = without_source(str(error), source).rpartition("; ")
-        return Finding("velocity", Verdict.WRONG, fault or remedy, remedy if fault else "correct the columns")
-    speed = np.linalg.norm(velocity[given][:, :2], axis=1)
-    if notes:
-        radian = _angle_in_radians(rows, names, source)
-        if radian:
-            fault = without_source(notes[0], source).partition("; are columns")[0]
-            message = f"{fault}; they would agree if '{radian}' held radians"
-            return Finding("velocity", Verdict.WRONG, message, f"rename '{radian}' to end in _rad")
-        return Finding("velocity", Verdict.LOOK, "; ".join(without_source(note, source) for note in notes),
-                       "check units and signs of these columns")  # fmt: skip
-    fast = float(np.percentile(speed, 99.0))
-    text = f"1 row in 100 is faster than {fast:.4g} m/s, as the positions move"
-    return Finding("velocity", Verdict.OK, text, figures={"fastest_mps": fast})
-
-
-def _angle_in_radians(rows: GnssRows, names: GnssNames, source: str) -> str:
-    """The one column of latitude and longitude that agrees with the velocities as radians, "" if none does."""
-    assert rows.velocity_n is not None
-    to_degrees = 180.0 / np.pi
-    trials = ((names.lat, rows.lat * to_degrees, rows.lon), (names.lon, rows.lat, rows.lon * to_degrees))
-    for name, lat, lon in trials:
-        if np.abs(lat).max() > np.pi / 2.0 or np.abs(lon).max() > 2.0 * np.pi:
-            continue
-        try:
-            if not check_velocity_units(rows.time, lat, lon, rows.height, rows.velocity_n, names.velocity, source):
-                return name
-        except InputError:
-            continue
-    return ""
-
-
-def check_sigmas(log: GnssLog, stated: Array | None, names: tuple[str, ...]) -> list[Finding]:
-    """Stated standard deviations against the scatter of the fixes about a smooth local path.
-
-    Parameters
-    ----------
-    log : GnssLog
-    stated : (n, 3) array [m] or None
-        As the file has them: may hold NaN and what is not positive.
-    names : tuple of 3 str
-        Their columns.
-    """
-    if stated is None or not np.isfinite(stated).any():
-        return [
-            Finding(
-                "position sigmas",
-                Verdict.LOOK,
-                "the file states no standard deviations of the positions; cautious defaults are used",
-                "add them, or set gnss.sd_position_m to what the receiver reaches",
-            )
-        ]
-    flawed = int(np.count_nonzero((stated <= 0.0).any(axis=1)))
-    if flawed:
-        return [
-            Finding(
-                "position sigmas",
-                Verdict.WRONG,
-                f"{flawed} of {stated.shape[0]} rows state a standard deviation that is zero or negative, which would "
-                "be a perfect measurement",
-                f"give the true ones, or remove {', '.join(names)} to get defaults",
-                figures={"rows": float(flawed)},
-            )
-        ]
-    kind, rows = _usual_kind(log)
-    sd = float(np.nanmedian(np.hypot(stated[rows, 0], stated[rows, 1])) / np.sqrt(2.0))
-    scatter = local_scatter(log)
-    figures = {"stated_m": sd}
-    said = f"stated {sd:.3g} m (median, per horizontal axis)"
-    if kind:
-        usual = DEFAULT_SD_POSITION[kind][0]
-        if not usual / BY_KIND <= sd <= usual * BY_KIND:
-            size = "large" if sd > usual else "small"
-            text = f"{said} for fixes called {kind}, which reach {usual:g} m as a rule"
-            return [_sigma_finding(text, size, sd / usual, figures)]
-    if scatter is None:
-        message = f"{said}; too few fixes in a row to see their scatter"
-        return [Finding("position sigmas", Verdict.UNKNOWN, message, figures=figures)]
-    if scatter < IDEAL_M:
-        message = f"{said}; the fixes do not scatter at all, as simulated ones without noise do"
-        return [Finding("position sigmas", Verdict.UNKNOWN, message, figures=figures)]
-    ratio = sd / scatter
-    figures |= {"scatter_m": scatter, "ratio": ratio}
-    text = f"{said}; from row to row the fixes scatter by {scatter:.3g} m about a smooth path where it is calmest"
-    if not kind and (ratio > FAR_TOO_LARGE or (ratio > TOO_LARGE and sd > COARSE_M)):
-        return [_sigma_finding(text, "large", ratio, figures)]
-    if ratio < TOO_SMALL and scatter > 0.005:
-        return [_sigma_finding(text, "small", ratio, figures)]
-    return [Finding("position sigmas", Verdict.OK, text, figures=figures)]
-
-
-def _sigma_finding(text: str, size: str, ratio: float, figures: Mapping[str, float]) -> Finding:
-    times = ratio if ratio > 1.0 else 1.0 / ratio
-    cause = "is the unit right (m, cm, mm; variances)?" if size == "large" else "is the unit right (m, km; mm in m)?"
-    scale = float(f"{1.0 / ratio:.1g}")
-    return Finding(
-        "position sigmas",
-        Verdict.LOOK,
-        f"{text}: they look too {size}, about {times:.2g} times; {cause}",
-        f"correct the columns, or scale them with gnss.sd_scale = {scale:g}",
-        figures=dict(figures) | {"ratio": ratio},
-    )
-
-
-def _usual_kind(log: GnssLog) -> tuple[str, Array]:
-    """The kind of most fixes if it is one with a usual accuracy, and which rows are of it; "" and all otherwise."""
-    every = np.ones(log.time.size, dtype=bool)
-    if log.fix is None:
-        return "", every
-    kinds = np.char.lower(log.fix.astype(str))
-    names, counts = np.unique(kinds, return_counts=True)
-    name = str(names[int(np.argmax(counts))])
-    return (name, kinds == name) if name in DEFAULT_SD_POSITION and name else ("", every)
-
-
-def local_scatter(log: GnssLog) -> float | None:
-    """White part of the errors of horizontal positions [m], None if there are too few fixes in a row.
-
-    Third differences, free of any motion of constant acceleration, over windows of eight; of the windows the quarter
-    with the least is taken, where the vehicle stands or goes straight on.
-    """
-    step = np.diff(log.time)
-    usual = float(np.median(step))
-    north, east = _metres(log)
-    even = np.abs(step - usual) < 0.3 * usual
-    whole = even[:-2] & even[1:-1] & even[2:]
-    bends = [np.where(whole, np.diff(values, 3) ** 2, np.nan) for values in (north, east)]
-    count = bends[0].size // WINDOW
-    if count < FEWEST_WINDOWS:
-        return None
-    north, east = (part[: count * WINDOW].reshape(count, WINDOW) for part in bends)
-    square = (north + east) / (2.0 * 20.0)
-    mean = np.array([row.mean() for row in square if np.isfinite(row).all()])
-    if mean.size < FEWEST_WINDOWS:
-        return None
-    return float(np.sqrt(np.percentile(mean, 25.0)) * 1.2)
-
-
-def _metres(rows: GnssRows | GnssLog) -> tuple[Array, Array]:
-    """North and east [m] of the first row."""
-    east = (rows.lon - rows.lon[0] + np.pi) % (2.0 * np.pi) - np.pi
-    return (rows.lat - rows.lat[0]) * _RADIUS, east * _RADIUS * np.cos(rows.lat[0])
 
 
 def _log(rows: GnssRows, source: str) -> GnssLog:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -44,6 +45,10 @@ _AIDING: dict[str, Callable[..., Any]] = {
 }
 
 
+_ADVICE = re.compile(r"; these |; are these |: rename |\. Stamps in steps |\. Does the clock |; only as ")
+"""Where the guess at a cause begins in what readers say."""
+_EXPLAINED = ("columns", "accelerometer unit", "gyro unit", "gyro order", "stamps", "position", "velocity")
+"""Checks that see more than the readers: where one is certain, the guess of a reader is left out."""
 _SPOILING = ("stuck channel", "columns", "gyro order")
 """Faults of single channels, after which signs and handedness cannot be told."""
 
@@ -248,6 +253,8 @@ def _read(reader: Callable[[], object], source: str, findings: Sequence[Finding]
             reader()
         except NavfuseError as error:
             text = without_source(str(error), source)
+            if any(one.verdict is Verdict.WRONG and one.check in _EXPLAINED for one in findings):
+                text = _ADVICE.split(text)[0]
             if named or text[:50] in told:
                 return []
             return [Finding("reader", Verdict.WRONG, f"navfuse refuses the file: {text}")]
@@ -271,6 +278,15 @@ def _summary(time: Array, what: str) -> str:
     return f"{what}, {time.size} rows, {rate}, {time[-1] - time[0]:.6g} s"
 
 
+def _is_wrong(reports: Sequence[FileReport], role: str, checks: Sequence[str]) -> bool:
+    return any(
+        one.verdict is Verdict.WRONG and one.check in checks
+        for report in reports
+        if report.role == role
+        for one in report.findings
+    )
+
+
 def _between(reports: list[FileReport], logs: _Logs, declared: Declared) -> list[Finding]:
     """Checks between the logs; those of the axes and the noise, which fixes help, go to the file of the IMU."""
     between: list[Finding] = []
@@ -280,8 +296,14 @@ def _between(reports: list[FileReport], logs: _Logs, declared: Declared) -> list
         if logs.gnss is not None and imu.time.size > 10:
             pair = check_pair(imu, logs.gnss, declared)
             if any(one.check in _SPOILING and one.verdict is Verdict.WRONG for one in reports[at].findings):
-                pair = [one for one in pair if one.check not in ("handedness", "signs")]
-            mine = ("axes", "handedness", "signs")
+                pair = [one for one in pair if one.check not in ("handedness", "signs", "same drive", "axes change")]
+            if _is_wrong(reports, "gnss", ("velocity",)):
+                # Course and accelerations of fixes that contradict themselves accuse the inertial sensor falsely.
+                faults = ("handedness", "signs", "turns", "same drive", "axes change", "clock drift")
+                pair = [one for one in pair if one.check not in faults or one.verdict is Verdict.OK]
+            if _is_wrong(reports, "imu", ("accelerometer unit", "gyro unit")):
+                pair = [one for one in pair if one.check not in ("same drive", "axes change")]
+            mine = ("axes", "axes change", "handedness", "signs")
             own += [one for one in pair if one.check in mine]
             between += [one for one in pair if one.check not in mine]
         else:

@@ -9,25 +9,28 @@ import numpy as np
 
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.trajectory import Trajectory
-from navfuse.errors import InputError
-from navfuse.imu.gaps import gap_limit
-from navfuse.imu.increments import ImuIncrements, to_increments
 from navfuse.imu.lever_arm import LeverArm, fit_lever_arm
 from navfuse.imu.lever_arm import check_lever_arm as contradictions
 from navfuse.imu.mounting import FoundAxes, find_axes
-from navfuse.imu.turning import ALIKE, TurnFit, check_fit, fit_turns
-from navfuse.inspection.clock_checks import check_offset, check_overlap
+from navfuse.imu.turning import FEWEST, LEAST_TURN, changes_of_course
+from navfuse.inspection.clock_checks import SURE_SIGMAS, Clocks, check_offset, check_overlap
 from navfuse.inspection.declared import Declared
 from navfuse.inspection.findings import Finding, Verdict
+from navfuse.inspection.halves import check_change, check_drift, halves
 from navfuse.inspection.sign_checks import check_signs, inverted_accelerometer
+from navfuse.inspection.turn_checks import check_turns
 from navfuse.io.imu_table import body_from_file
 
 Array = np.ndarray
 
 TILTED = np.radians(30.0)
 SURE = 0.6
+OTHER_TURNS, OTHER_ACCELERATIONS = 0.5, 0.7
+"""Correlations below which both have to be for logs to be of different drives."""
 ARM_CORRELATION = 0.99
 """Below it (a boat in waves) the arm that the turns show is not to be trusted."""
+SURE_ARM_SD_M, SURELY_M = 0.3, 1.5
+"""A stated arm is wrong, rather than odd, if a part known so well is further away, and by SURE_SIGMAS."""
 LONG_ARM_M, ABSURD_ARM_M = 5.0, 50.0
 _RADIUS = 6371e3
 
@@ -48,12 +51,18 @@ def check_pair(imu: ImuLog, gnss: GnssLog, declared: Declared) -> list[Finding]:
     if not overlap.met:
         return [overlap.finding, *_check_axes_alone(imu, declared)]
     moved = replace(imu, time=imu.time + overlap.shift) if overlap.shift else imu
-    turns, lag = _check_turns(moved, gnss)
+    turns, lag = check_turns(moved, gnss)
     clocks = check_offset(imu, gnss, overlap.shift, lag, declared)
     found = [overlap.finding, turns, clocks.finding]
+    found += _check_same_drive(moved, gnss, turns, clocks)
     placed = replace(imu, time=imu.time + clocks.offset)
     axes = find_axes(placed, gnss)
     found += check_axes(axes, declared, with_gnss=True, inverted=lambda: inverted_accelerometer(placed, gnss))
+    parts = halves(placed, gnss)
+    if parts is not None:
+        drift = check_drift(parts, clocks.contradicted)
+        change = check_change(parts) if axes.axes is None or clocks.correlation is None else None
+        found += [one for one in (drift, change) if one is not None]
     if clocks.correlation is not None:
         found += check_signs(placed, gnss, axes, clocks.correlation)
     body = axes.axes or declared.axes
@@ -65,6 +74,32 @@ def check_pair(imu: ImuLog, gnss: GnssLog, declared: Declared) -> list[Finding]:
     return found
 
 
+def _check_same_drive(imu: ImuLog, gnss: GnssLog, turns: Finding, clocks: Clocks) -> list[Finding]:
+    """Ask, where neither turns nor accelerations of a vehicle that turns agree."""
+    if clocks.best is None:
+        return []
+    alike = turns.figures.get("correlation")
+    if alike is None:
+        course = changes_of_course(gnss, float(imu.time[0]), float(imu.time[-1]))[2]
+        if course.size < FEWEST or float(np.std(course)) < LEAST_TURN:
+            return []
+        said = "the turns fit at several shifts or at none"
+    else:
+        said = f"the turns do not agree (correlation {alike:.2f})"
+    if abs(alike or 0.0) > OTHER_TURNS or clocks.best > OTHER_ACCELERATIONS:
+        return []
+    return [
+        Finding(
+            "same drive",
+            Verdict.LOOK,
+            f"the vehicle of the fixes moves and turns, but {said} and neither do the accelerations (correlation "
+            f"{clocks.best:.2f})",
+            "are these of one drive? If they are, their clocks are further apart than was searched",
+            figures={"accelerations": clocks.best},
+        )
+    ]
+
+
 def _check_axes_alone(imu: ImuLog, declared: Declared) -> list[Finding]:
     return check_axes(find_axes(imu, None), declared, with_gnss=False)
 
@@ -72,65 +107,6 @@ def _check_axes_alone(imu: ImuLog, declared: Declared) -> list[Finding]:
 def check_imu_axes(imu: ImuLog, declared: Declared) -> list[Finding]:
     """The vertical of an inertial log without fixes; parameters as for :func:`check_pair`."""
     return _check_axes_alone(imu, declared)
-
-
-def _check_turns(imu: ImuLog, gnss: GnssLog) -> tuple[Finding, float | None]:
-    """Turns of gyros and course, by the rules of the run; and how late the inertial stamps are, if that is sure."""
-    increments = to_increments(imu, gap_limit(imu.time))
-    fit = fit_turns(increments, gnss)
-    if fit is None:
-        return Finding("turns", Verdict.UNKNOWN, "too few turns at speed to compare gyros and course"), None
-    figures = {"ratio": fit.ratio, "lag_s": fit.lag_s, "correlation": fit.correlation}
-    mirrored = _other_reading(increments, gnss, fit)
-    if mirrored:
-        return Finding("turns", Verdict.WRONG, *mirrored, figures=figures), None
-    if abs(fit.correlation) < ALIKE:
-        text = (
-            f"gyros and course do not turn alike (correlation {fit.correlation:.2f}): it points elsewhere than it goes"
-        )
-        return Finding("turns", Verdict.UNKNOWN, text, figures=figures), None
-    try:
-        notes = check_fit(fit)
-    except InputError as error:
-        remedy = "correct signs or units of the gyro columns"
-        if fit.ratio < 0.0:
-            remedy += ", or the sign of the longitude or the latitude (west and south are negative)"
-        return Finding("turns", Verdict.WRONG, str(error), remedy, figures=figures), None
-    slope = [note for note in notes if "times as much" in note]
-    if slope:
-        return Finding("turns", Verdict.LOOK, slope[0], figures=figures), fit.lag_s
-    text = f"the gyros turn {fit.ratio:.3f} times as much as the course (correlation {fit.correlation:.3f})"
-    return Finding("turns", Verdict.OK, text, figures=figures), fit.lag_s
-
-
-def _other_reading(increments: ImuIncrements, gnss: GnssLog, fit: TurnFit) -> tuple[str, str] | None:
-    """Message and remedy if the course agrees with the gyros only if the positions are read otherwise."""
-    if fit.correlation > 0.97 and gnss.velocity_n is None and abs(fit.ratio - 1.0) < 0.3:
-        return None
-    if gnss.velocity_n is not None or (fit.correlation > ALIKE and abs(fit.ratio - 1.0) < 0.3):
-        return None
-    half = np.pi / 2.0
-    trials = {}
-    if (np.abs(gnss.lon) <= half).all():
-        trials["latitude and longitude are exchanged"] = (
-            replace(gnss, lat=gnss.lon, lon=gnss.lat), "exchange the names of the two columns")  # fmt: skip
-    degrees = 180.0 / np.pi
-    if (np.abs(gnss.lat) * degrees <= half).all():
-        trials["the latitude is in radians"] = (replace(gnss, lat=gnss.lat * degrees), "rename it to 'lat_rad'")
-    if (np.abs(gnss.lon) * degrees <= 2.0 * np.pi).all():
-        trials["the longitude is in radians"] = (replace(gnss, lon=gnss.lon * degrees), "rename it to 'lon_rad'")
-    best: tuple[float, str, str] = (max(abs(fit.correlation) + 0.02, ALIKE), "", "")
-    for words, (log, remedy) in trials.items():
-        other = fit_turns(increments, log)
-        if other is not None and other.correlation > best[0] and abs(other.ratio - 1.0) < 0.3:
-            best = (other.correlation, words, remedy)
-    if not best[1]:
-        return None
-    return (
-        f"the positions turn as the gyros do only if {best[1]}: correlation {best[0]:.3f} "
-        f"instead of {fit.correlation:.3f}",
-        best[2],
-    )
 
 
 def check_axes(
@@ -275,7 +251,9 @@ def check_lever_arm(declared: Declared, fitted: LeverArm | None = None) -> Findi
     figures = {"length_m": length}
     odd = contradictions(arm, fitted)
     if odd:
-        return Finding("lever arm", Verdict.LOOK, odd[0], "measure gnss.lever_arm_m again", figures=figures)
+        sure = length > ABSURD_ARM_M or (fitted is not None and _surely_apart(arm, fitted))
+        verdict = Verdict.WRONG if sure and "gnss.lever_arm_m" in declared.explicit else Verdict.LOOK
+        return Finding("lever arm", verdict, odd[0], "measure gnss.lever_arm_m again", figures=figures)
     if length > LONG_ARM_M:
         verdict = Verdict.WRONG if length > 20.0 * ABSURD_ARM_M else Verdict.LOOK
         return Finding("lever arm", verdict, f"{text}: long for a vehicle",
@@ -284,6 +262,12 @@ def check_lever_arm(declared: Declared, fitted: LeverArm | None = None) -> Findi
         return Finding("lever arm", Verdict.LOOK, f"{text}, {arm[2]:.3g} m of it down: the antenna below the IMU",
                        "up is negative in gnss.lever_arm_m", figures=figures)  # fmt: skip
     return Finding("lever arm", Verdict.OK, text, figures=figures)
+
+
+def _surely_apart(arm: Array, fitted: LeverArm) -> bool:
+    """Whether a part that the turns show well is another one beyond doubt, by the metre or more."""
+    known = fitted.sd < SURE_ARM_SD_M
+    return bool(np.any(known & (np.abs(arm - fitted.lever) > np.maximum(SURELY_M, SURE_SIGMAS * fitted.sd))))
 
 
 def check_truth(truth: Trajectory, gnss: GnssLog) -> Finding:

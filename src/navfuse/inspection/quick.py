@@ -10,11 +10,11 @@ import numpy as np
 
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.errors import InputError
+from navfuse.inspection.channel_checks import is_noisy, longest_run
 from navfuse.inspection.clock_checks import check_overlap
 from navfuse.inspection.declared import NOTHING
 from navfuse.inspection.findings import Verdict
-from navfuse.inspection.gnss_checks import check_sigmas
-from navfuse.inspection.imu_checks import is_noisy, longest_run
+from navfuse.inspection.sigma_checks import check_sigmas
 
 Array = np.ndarray
 

@@ -117,7 +117,12 @@ def _stands(gnss: GnssLog, at: Array) -> Array:
 
 
 def check_rest(imu: ImuLog, gnss: GnssLog | None) -> Finding:
-    """Noise and biases of the longest stand, and the grade for a project file."""
+    """Noise and biases of the longest stand, and the grade for a project file.
+
+    Fixes that hardly share time with the inertial log cannot confirm a stand; then it is looked for without them.
+    """
+    if gnss is not None and min(imu.time[-1], gnss.time[-1]) - max(imu.time[0], gnss.time[0]) < SHORTEST_S:
+        gnss = None
     rest = find_rest(imu, gnss)
     if rest is None:
         return Finding(
@@ -136,12 +141,15 @@ def check_rest(imu: ImuLog, gnss: GnssLog | None) -> Finding:
     if rest.vrw > 1.5 * model.vrw:
         settings["imu.vrw_mps_per_sqrt_h"] = float(f"{vrw:.2g}")
     odd = abs(excess) > 0.03 * STANDARD_GRAVITY
+    remedy = "the accelerometers are 3 % off or more: check their scale and unit" if odd else ""
+    if rest.force < 0.5 * STANDARD_GRAVITY:
+        remedy = "the accelerometers miss gravity: see what is said of their unit"
     return Finding(
         "noise at rest",
         Verdict.LOOK if odd else Verdict.OK,
         f"standing from {rest.begin:.4g} to {rest.end:.4g} s: {arw:.2g} deg/sqrt(h), {vrw:.2g} m/s/sqrt(h), rates up "
         f"to {np.degrees(rest.rate):.2g} deg/s, |f| {excess:+.2g} m/s^2 off 9.807",
-        "the accelerometers are 3 % off or more: check their scale and unit" if odd else "",
+        remedy,
         settings,
         {
             "arw_deg_per_sqrt_h": arw,

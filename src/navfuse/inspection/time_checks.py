@@ -20,6 +20,8 @@ MISSING = 1.5
 """Steps, in usual ones, from which on rows are missing."""
 SLOWEST, FASTEST = 0.2, 350.0
 """Speeds [m/s] of a log that moves, beyond which its stamps are in another unit."""
+SHUFFLED = 0.1
+"""Share of steps back, and of steps forward, from which on rows are in no order."""
 LONGEST_S = 600.0
 """Steps between fixes [s] that nobody chooses."""
 GPS_UNIX = 315964800.0
@@ -57,7 +59,7 @@ class Stamps:
     findings: tuple[Finding, ...]
 
 
-def check_stamps(time: Array, column: str, role: str, pace: float = np.nan) -> Stamps:
+def check_stamps(time: Array, column: str, role: str, pace: float = np.nan, values: Array | None = None) -> Stamps:
     """Look at the stamps of a log.
 
     Parameters
@@ -70,6 +72,8 @@ def check_stamps(time: Array, column: str, role: str, pace: float = np.nan) -> S
         "imu", or anything else: rates are judged only where much is known.
     pace : float [m/s]
         How fast the fixes move by these stamps; NaN where they hardly move, or for other sensors.
+    values : (n, k) array, optional
+        What else the rows hold, to tell rows that are there twice from stamps that are too coarse.
     """
     rows = np.flatnonzero(np.isfinite(time))
     found: list[Finding] = []
@@ -83,10 +87,13 @@ def check_stamps(time: Array, column: str, role: str, pace: float = np.nan) -> S
             Finding("rows", Verdict.WRONG, f"{time.size} row with a stamp; a log needs two at least", "export it again")
         )
         return Stamps(time, rows, 1.0, np.nan, tuple(found))
-    factor = _unit(time, column, role, pace, found)
+    shuffled = SHUFFLED < float(np.mean(np.diff(time) < 0.0)) < 1.0 - SHUFFLED
+    # Steps of rows in any order say nothing of the unit: those of the sorted stamps do.
+    factor = _unit(np.sort(time) if shuffled else time, column, role, np.nan if shuffled else pace, found)
     time = time * factor
-    time = _without_jumps(time, column, found)
-    time, rows = _in_order(time, rows, column, found)
+    if not shuffled:
+        time = _without_jumps(time, column, found)
+    time, rows = _in_order(time, rows, column, found, shuffled, values)
     if time.size < 2:
         return Stamps(time, rows, factor, np.nan, tuple(found))
     steps = np.diff(time)
@@ -174,7 +181,9 @@ def _without_jumps(time: Array, column: str, found: list[Finding]) -> Array:
     return time
 
 
-def _in_order(time: Array, rows: Array, column: str, found: list[Finding]) -> tuple[Array, Array]:
+def _in_order(
+    time: Array, rows: Array, column: str, found: list[Finding], shuffled: bool, values: Array | None
+) -> tuple[Array, Array]:
     steps = np.diff(time)
     if (steps > 0.0).all():
         found.append(Finding("stamps", Verdict.OK, f"{time.size} rows, strictly increasing"))
@@ -192,17 +201,36 @@ def _in_order(time: Array, rows: Array, column: str, found: list[Finding]) -> tu
         share = (late + repeated) / time.size
         row = int(np.argmin(steps > 0.0)) + 2
         usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-        coarse = repeated > 0.05 * time.size and late == 0
-        cause = f": stamps in steps of {usual:.3g} s are too coarse for the rows" if coarse and usual else ""
+        remedy = "sort the rows and remove what is there twice"
+        same = _identical(values, rows[order], ~first)
+        cause = ""
+        if shuffled:
+            cause = ": the rows are in no order; sorted they are judged below"
+            remedy = "sort the rows by their stamps"
+        elif repeated and same > 0.99 * repeated:
+            cause = f": {same} of these rows are exact duplicates of others"
+            remedy = "remove the rows that are there twice"
+        elif repeated > 0.05 * time.size and late == 0 and usual:
+            cause = f": stamps in steps of {usual:.3g} s are too coarse for the rows"
+            remedy = "write the stamps with more digits"
         found.append(
             _stamp(
                 Verdict.WRONG if share >= MAX_SHARE else Verdict.LOOK,
                 f"column '{column}': {late} rows are out of order and {repeated} repeat a stamp, of {time.size}; the "
                 f"first is row {row}{cause}",
-                "write the stamps with more digits" if coarse else "sort the rows and remove what is there twice",
+                remedy,
             )
         )
     return time[order][first], rows[order][first]
+
+
+def _identical(values: Array | None, order: Array, repeats: Array) -> int:
+    """How many of the rows that repeat a stamp hold the values of the row before them, too."""
+    if values is None or not repeats.any():
+        return 0
+    k = np.flatnonzero(repeats)
+    now, before = values[order[k]], values[order[k - 1]]
+    return int(np.count_nonzero(((now == before) | (np.isnan(now) & np.isnan(before))).all(axis=1)))
 
 
 def _rate(steps: Array, step: float, role: str) -> Finding:

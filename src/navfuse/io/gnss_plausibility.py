@@ -8,6 +8,9 @@ slower than it was.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import pairwise
+
 import numpy as np
 
 from navfuse.errors import InputError
@@ -23,6 +26,10 @@ _SPAN = 10.0
 _APART = 2.0
 _WILDLY_APART = 20.0
 _SPEED_UNITS = {"km/h": 1.0 / 3.6, "knots": 1852.0 / 3600.0, "ft/s": 0.3048, "cm/s": 0.01, "mm/s": 0.001}
+_LENGTH_UNITS = {"feet": 0.3048, "centimetres": 0.01, "millimetres": 0.001}
+_SIGMAS = 4.0
+_FEWEST = 5
+"""Windows that vertical motion is judged by."""
 _FITS = 0.25
 """Distance of velocity and motion over the motion, up to which they agree."""
 
@@ -122,25 +129,20 @@ def check_velocity_units(
     """
     _refuse_exchange(time, lat, lon, height, velocity_n, names, source)
     notes = []
+    ratio, correlation, rms = _motion_ratio(time, lat, lon, height, velocity_n)
+    odd = {}
+    if rms > 0.3 and abs(correlation) > _ALIKE and not 0.7 < ratio < 1.4:
+        cause = f"are they {unit}" if (unit := _speed_unit(ratio)) else "is a unit wrong or are columns exchanged"
+        odd[0] = f"the positions move {ratio:.2f} times as fast as these velocities say; {cause}?"
+    vertical = vertical_motion(time, height, velocity_n[:, 2])
+    if vertical is not None and vertical.told and vertical.odd:
+        odd[1] = vertical.fault
     groups = (f"'{names[0]}', '{names[1]}'", f"'{names[2]}'")
-    for (ratio, correlation, rms), (apart, moved), columns in zip(
-        _motion_ratio(time, lat, lon, height, velocity_n),
-        _motion_apart(time, lat, lon, height, velocity_n),
-        groups,
-        strict=True,
+    for k, ((apart, moved), columns) in enumerate(
+        zip(_motion_apart(time, lat, lon, height, velocity_n), groups, strict=True)
     ):
-        if rms > 0.3 and abs(correlation) > _ALIKE and not 0.7 < ratio < 1.4:
-            cause = (
-                "is up positive instead of down, or the sign wrong"
-                if ratio < 0.0
-                else f"are they {likely}"
-                if (likely := _speed_unit(ratio))
-                else "is a unit wrong or are columns exchanged"
-            )
-            notes.append(
-                f"{source}: column {columns}: the positions move {ratio:.2f} times as fast as these velocities say;"
-                f" {cause}?"
-            )
+        if k in odd:
+            notes.append(f"{source}: column {columns}: {odd[k]}")
             continue
         fault = (
             f"{source}: column {columns}: over ten seconds these velocities are {apart:.3g} m/s away from how the"
@@ -157,6 +159,88 @@ def check_velocity_units(
 def _speed_unit(ratio: float) -> str:
     """The unit of speed of which m/s is this part, "" if it is none."""
     return next((unit for unit, size in _SPEED_UNITS.items() if abs(ratio / size - 1.0) < 0.08), "")
+
+
+@dataclass(frozen=True, slots=True)
+class VerticalMotion:
+    """Changes of height against integrated vertical velocity, over windows of ten seconds.
+
+    Attributes
+    ----------
+    ratio, sd : float
+        Change of height over what the velocities say, and its standard deviation by what remains.
+    correlation : float
+        -1..1, means removed: a constant drift of either tells nothing.
+    moved : float [m]
+        Standard deviation of the changes of height.
+    """
+
+    ratio: float
+    sd: float
+    correlation: float
+    moved: float
+
+    @property
+    def told(self) -> bool:
+        """Whether the climbs stand out of the noise of heights and velocities, so that the ratio means something."""
+        return abs(self.correlation) > _ALIKE
+
+    @property
+    def odd(self) -> bool:
+        """Whether the ratio is one that another unit or sign makes, rather than noise."""
+        return not 0.7 < self.ratio < 1.4 and abs(self.ratio - 1.0) > _SIGMAS * self.sd
+
+    @property
+    def reversed(self) -> bool:
+        """Whether only the sign is wrong."""
+        return self.told and self.odd and -1.4 < self.ratio < -0.7
+
+    @property
+    def fault(self) -> str:
+        """What an odd ratio means, in words that follow the name of the column."""
+        size = abs(self.ratio)
+        if unit := next((unit for unit, part in _LENGTH_UNITS.items() if abs(size * part - 1.0) < 0.08), ""):
+            cause = f"are the heights in {unit}"
+        elif unit := _speed_unit(size):
+            cause = f"are they {unit}"
+        else:
+            cause = "is a unit wrong or are columns exchanged"
+        if self.ratio < 0.0:
+            sign = "is up positive instead of down, or the sign wrong"
+            cause = sign if 0.7 < size < 1.4 else f"{sign}, and {cause}"
+        return (
+            f"the heights move {self.ratio:.2f} times (give or take {self.sd:.2g}) as fast as these velocities say;"
+            f" {cause}?"
+        )
+
+
+def vertical_motion(time: Array, height: Array, velocity_d: Array) -> VerticalMotion | None:
+    """Compare heights (n,) [m] with vertical velocities (n,) [m/s], down positive; either may hold NaN.
+
+    Over ten seconds the noise of single heights has hardly any weight beside a climb, so that tenths of a metre per
+    second tell. None if there are fewer than five such windows without gaps, or one of the two never changes.
+    """
+    given = np.isfinite(height) & np.isfinite(velocity_d)
+    if np.count_nonzero(given) < 10:
+        return None
+    time, height, velocity_d = time[given], height[given], velocity_d[given]
+    step = np.diff(time)
+    rows = max(3, int(round(_SPAN / np.median(step))))
+    fallen = np.concatenate(([0.0], np.cumsum(0.5 * step * (velocity_d[1:] + velocity_d[:-1]))))
+    edges = np.arange(0, time.size, rows)
+    whole = np.array([step[a:b].max() < 3.0 * np.median(step) for a, b in pairwise(edges)])
+    if np.count_nonzero(whole) < _FEWEST:
+        return None
+    expected, seen = np.diff(fallen[edges])[whole], -np.diff(height[edges])[whole]
+    expected, seen = expected - expected.mean(), seen - seen.mean()
+    power, size = float(expected @ expected), float(seen @ seen)
+    if power == 0.0 or size == 0.0:
+        return None
+    ratio = float(expected @ seen) / power
+    remains = seen - ratio * expected
+    sd = float(np.sqrt(remains @ remains / (seen.size - 2) / power))
+    correlation = float(expected @ seen / np.sqrt(power * size))
+    return VerticalMotion(ratio, sd, correlation, float(np.sqrt(size / seen.size)))
 
 
 def _refuse_exchange(
@@ -190,14 +274,12 @@ def _refuse_exchange(
 
 
 def _moves_alike(time: Array, lat: Array, lon: Array, height: Array, velocity_n: Array) -> bool:
-    ratio, correlation, _ = _motion_ratio(time, lat, lon, height, velocity_n)[0]
+    ratio, correlation, _ = _motion_ratio(time, lat, lon, height, velocity_n)
     return correlation > _ALIKE and abs(ratio - 1.0) < 0.5
 
 
-def _motion_ratio(
-    time: Array, lat: Array, lon: Array, height: Array, velocity_n: Array
-) -> list[tuple[float, float, float]]:
-    """Ratio of displacement to integrated velocity, their correlation, rms velocity [m/s]; horizontal, then vertical.
+def _motion_ratio(time: Array, lat: Array, lon: Array, height: Array, velocity_n: Array) -> tuple[float, float, float]:
+    """Ratio of horizontal displacement to integrated velocity, their correlation, rms velocity [m/s].
 
     Outliers of either side lower the correlation, and with it the standing of the ratio.
     """
@@ -205,19 +287,15 @@ def _motion_ratio(
     mean = 0.5 * (velocity_n[1:] + velocity_n[:-1])
     radius = _EARTH_RADIUS + height[:-1]
     east = (np.diff(lon) + np.pi) % (2.0 * np.pi) - np.pi
-    moved = np.column_stack((np.diff(lat) * radius, east * radius * np.cos(lat[:-1]), -np.diff(height)))
+    moved = np.column_stack((np.diff(lat) * radius, east * radius * np.cos(lat[:-1])))
     usable = np.isfinite(mean).all(axis=1) & (step < 3.0 * np.median(step))
-    ratios = []
-    for axes in ([0, 1], [2]):
-        expected, seen = (mean[usable] * step[usable, None])[:, axes].ravel(), moved[usable][:, axes].ravel()
-        power = float(expected @ expected)
-        if expected.size < 20 or power == 0.0 or not seen.any():
-            ratios.append((1.0, 0.0, 0.0))
-            continue
-        product = float(expected @ seen)
-        correlation = product / np.sqrt(power * float(seen @ seen))
-        ratios.append((product / power, correlation, float(np.sqrt(np.mean(mean[usable][:, axes] ** 2)))))
-    return ratios
+    expected, seen = (mean[:, :2] * step[:, None])[usable].ravel(), moved[usable].ravel()
+    power = float(expected @ expected)
+    if expected.size < 20 or power == 0.0 or not seen.any():
+        return 1.0, 0.0, 0.0
+    product = float(expected @ seen)
+    correlation = product / np.sqrt(power * float(seen @ seen))
+    return product / power, correlation, float(np.sqrt(np.mean(mean[usable][:, :2] ** 2)))
 
 
 def _motion_apart(time: Array, lat: Array, lon: Array, height: Array, velocity_n: Array) -> list[tuple[float, float]]:
