@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 
 from navfuse import __version__
-from navfuse.cli import allan, compare, compare_filters, config, demo, montecarlo, noise, run, simulate
+from navfuse.cli import allan, compare, compare_filters, config, demo, montecarlo, noise, reproduce, run, simulate
 from navfuse.errors import NavfuseError, NavfuseWarning
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -39,6 +39,7 @@ app.command("scenarios", short_help="List the scenarios that come along.")(simul
 app.command("montecarlo", short_help="Simulate many runs; is the filter as good as it says?")(montecarlo.montecarlo)
 app.command("allan", short_help="Noise of a sensor from a log at rest, and the settings for the filter.")(allan.allan)
 app.command("noise", short_help="Data sheet figures to [imu] keys, and back.")(noise.noise)
+app.command("reproduce", short_help="Run a published system or study again.")(reproduce.reproduce)
 app.command("config", short_help="Print a commented project file to begin with.")(config.config)
 
 
