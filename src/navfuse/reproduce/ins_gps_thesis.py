@@ -211,8 +211,8 @@ CASES: dict[str, tuple[Setup | None, str]] = {
 """Configurations of the thesis, and what it reports of one run of each at 300 s."""
 
 NOTES = (
-    "The thesis gives one run of each configuration, ours are root mean squares over the seeds; one run in three has an "
-    "error larger than that, one in twenty of more than twice that.",
+    "The thesis gives one run of each configuration, ours are root mean squares over the seeds: one run in three has "
+    "an error larger than that, one in twenty of more than twice that.",
     "The trajectory of the thesis is not public: the flight here is another one, of comparable dynamics.",
     "The Full EKF starts with an attitude known to 0.05, 0.05 and 0.1 deg, the others with a true one; positions and "
     "velocities start with those of a fix.",
@@ -311,8 +311,8 @@ def _behaviour_table(flights: dict[str, list[Flown]]) -> Table:
         "Stability: errors over their own sigma",
         ("configuration", "mean square at the end", "mean square", "beyond 3 sigma %", "largest"),
         tuple(rows),
-        f"A filter whose sigmas are right has 1, 1 and {100 * CHANCE_BEYOND_3_SIGMA:.2f} %; behind +- the standard error over "
-        "the runs.",
+        f"A filter whose sigmas are right has 1, 1 and {100 * CHANCE_BEYOND_3_SIGMA:.2f} %; behind +- "
+        "the standard error over the runs.",
     )
 
 
