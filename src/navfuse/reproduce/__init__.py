@@ -1,0 +1,62 @@
+"""Published systems and studies, run again with navfuse: ``navfuse reproduce --list``.
+
+Each study is a module with a function ``run(wishes) -> Study``.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import NamedTuple
+
+from navfuse.core.nearest import nearest
+from navfuse.errors import ConfigError
+from navfuse.reproduce.study import Study, Table, Wishes
+
+__all__ = ["STUDIES", "Entry", "Study", "Table", "Wishes", "reproduce"]
+
+
+class Entry(NamedTuple):
+    """A study that can be asked for.
+
+    Attributes
+    ----------
+    module : str
+        Below this package.
+    title : str
+    data : str
+        Folder of published data that it reads, "" for none.
+    """
+
+    module: str
+    title: str
+    data: str = ""
+
+
+STUDIES = {
+    "ins-gps-thesis": Entry("ins_gps_thesis", "Simple EKF and Full EKF on a flight of 300 s (thesis, Brno 2013)"),
+}
+"""Name -> study."""
+
+
+def reproduce(name: str, wishes: Wishes | None = None) -> Study:
+    """Run a study.
+
+    Parameters
+    ----------
+    name : str
+        Key of :data:`STUDIES`.
+    wishes : Wishes, optional
+
+    Raises
+    ------
+    ConfigError
+        For an unknown name, or wishes that cannot be.
+    InputError
+        If the study needs published data that are not there.
+    """
+    if name not in STUDIES:
+        close = nearest(name, list(STUDIES))
+        advice = f"is {close!r} meant?" if close else f"there are {', '.join(STUDIES)}"
+        raise ConfigError(f"there is no study {name!r}; {advice}")
+    module = import_module(f"navfuse.reproduce.{STUDIES[name].module}")
+    return module.run(Wishes() if wishes is None else wishes)
