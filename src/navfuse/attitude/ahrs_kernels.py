@@ -251,9 +251,10 @@ def forward(
                 H[i, LAG] = slip[i]
                 R[i, i] = mag_noise * mag_noise / count
             H[0, REF] = H[2, REF + 1] = 1.0
-            H[0, PSI + 1], H[0, PSI + 2] = -M[2], M[1]
-            H[1, PSI], H[1, PSI + 2] = M[2], -M[0]
-            H[2, PSI], H[2, PSI + 1] = -M[1], M[0]
+            # [M x] with the reference field alone: the disturbance estimated now would let its changes pass for turns.
+            H[0, PSI + 1] = -x[REF + 1]
+            H[1, PSI], H[1, PSI + 2] = x[REF + 1], -x[REF]
+            H[2, PSI + 1] = x[REF]
             nis = update(P, H, R, z, gate, free_mag, S, dx)
             record[row, 0], record[row, 1] = nis, USED
             passed = nis <= gate

@@ -39,7 +39,8 @@ class AhrsSettings:
         ``velocity_density^2 + (velocity_time a)^2``, where a is the root mean square of the acceleration over the last
         `accel_memory`. Motion to and fro at frequency f has a velocity of a / (2 pi f), 0.16 s of it at 1 Hz.
     accel_memory : float [s]
-    mag_noise : float [T/sqrt(Hz)]
+    mag_noise : float [T]
+        Of one sample, white.
     mag_bias_sd, mag_bias_walk : float [T], [T/sqrt(s)]
         What the calibration has left.
     mag_delay_sd : float [s]
@@ -82,7 +83,7 @@ class AhrsSettings:
     velocity_density: float = 0.1
     velocity_time: float = 0.15
     accel_memory: float = 2.0
-    mag_noise: float = 5e-8
+    mag_noise: float = 8e-7
     mag_bias_sd: float = 5e-7
     mag_bias_walk: float = 1e-9
     mag_delay_sd: float = 0.01
