@@ -94,7 +94,7 @@ class AhrsSettings:
     field_n: ArrayLike | None = None
     declination: float = 0.0
     initial_tilt_sd: float = 0.1
-    initial_heading_sd: float = 0.2
+    initial_heading_sd: float = 0.5
     initial_velocity_sd: float = 0.5
     gate_probability: float = 1.0 - 1.4e-6
     patience: float = 30.0

@@ -154,9 +154,9 @@ def check_heading_against_gyro(yaw: YawRateLog, heading: HeadingLog) -> float | 
 
     Notes
     -----
-    Of four hypotheses (heading as it is, its negative, pi/180 of it, no turn at all) the changes over pairs of headings
-    between which the gyro turned by 60 deg or more, and up to 170 deg so that no whole turn hides, decide: one has to
-    leave at most a third of the residual (RMS) of the heading as it is.
+    Over pairs of headings between which the gyro turned by 60 to 170 deg, so that no whole turn hides, one of the other
+    readings (the negative, the radians, no turn at all) has to leave at most a third of the residual (RMS) of the
+    headings as they are.
     """
     inside = np.flatnonzero((heading.time >= yaw.time[0]) & (heading.time <= yaw.time[-1]))
     psi, angle = heading.heading[inside], yaw.turned(heading.time[inside])
@@ -164,24 +164,33 @@ def check_heading_against_gyro(yaw: YawRateLog, heading: HeadingLog) -> float | 
     if first.size < 3:
         return None
     turn = angle[last] - angle[first]
+
+    def residual(values: Array) -> float:
+        return float(np.sqrt(np.mean(np.angle(np.exp(1j * (values[last] - values[first] - turn))) ** 2)))
+
+    claimed = residual(psi)
+    faults = (
+        (
+            -psi,
+            "turn against the gyro: either the yaw rate is positive counter-clockwise (z up instead of down), or the "
+            "headings count counter-clockwise; change the sign of the one that does",
+        ),
+        (
+            psi / _DEGREE,
+            "turn by pi/180 of what the gyro turns: they are radians that were read as degrees; name the column "
+            "'heading_rad'",
+        ),
+    )
+    values, fault = min(faults, key=lambda item: residual(item[0]))
+    left = residual(values)
     change = np.angle(np.exp(1j * (psi[last] - psi[first])))
-
-    def residual(slope: float) -> float:
-        return float(np.sqrt(np.mean(np.angle(np.exp(1j * (change - slope * turn))) ** 2)))
-
-    claimed = residual(1.0)
-    faults = {
-        -1.0: "turn against the gyro: either the yaw rate is positive counter-clockwise (z up instead of down), or "
-        "the headings count counter-clockwise; change the sign of the one that does",
-        _DEGREE: "turn by pi/180 of what the gyro turns: they are radians that were read as degrees; name the column "
-        "'heading_rad'",
-        0.0: "do not turn while the gyro does: the column is not a heading, or it is stuck",
-    }
-    slope, fault = min(faults.items(), key=lambda item: residual(item[0]))
-    if residual(slope) * _TELLING < claimed:
+    still = float(np.sqrt(np.mean(change**2)))
+    if left * _TELLING >= claimed and still * _TELLING < claimed:
+        left, fault = still, "do not turn while the gyro does: the column is not a heading, or it is stuck"
+    if left * _TELLING < claimed:
         raise InputError(
             f"{heading.source}: in {first.size} turns of 60 deg or more of {yaw.source} the headings {fault} (residual "
-            f"{np.degrees(residual(slope)):.1f} deg, as they are {np.degrees(claimed):.0f} deg)"
+            f"{np.degrees(left):.1f} deg, as they are {np.degrees(claimed):.0f} deg)"
         )
     return float(change @ turn / (turn @ turn))
 
