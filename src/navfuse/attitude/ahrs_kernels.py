@@ -133,7 +133,7 @@ def forward(
             C = dcm_from_quat(q_mid)
             dv_n = mat_vec(C, dv)
             for j in range(3):
-                column = (A[0, j] + 0.5 * C[j] * h, A[1, j] + 0.5 * C[3 + j] * h, A[2, j] + 0.5 * C[6 + j] * h)
+                column = (A[0, j] + 0.5 * C[j] * h, A[1, j] + 0.5 * C[3 + j] * h, 0.0)
                 c = cross(dv_n, column)
                 for i in range(3):
                     B[i, j] += c[i]
@@ -184,8 +184,9 @@ def forward(
         else:
             decay = gauss_markov_decay(duration, dist_tau)
             noise = gauss_markov_noise(dist_sd, duration, dist_tau)
-        F[V, PSI + 1], F[V, PSI + 2] = force[2], -force[1]
-        F[V + 1, PSI], F[V + 1, PSI + 2] = -force[2], force[0]
+        # The velocity is that in the level frame of the estimated heading, so that a heading error does not enter: its
+        # being noise about zero says nothing of the heading, but would seem to.
+        F[V, PSI + 1], F[V + 1, PSI] = force[2], -force[2]
         F[V + 2, PSI], F[V + 2, PSI + 1] = force[1], -force[0]
         for i in range(3):
             F[D + i, D + i] = decay
