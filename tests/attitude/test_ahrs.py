@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from navfuse.analysis.consistency import average_bounds
-from navfuse.analysis.orientation import orientation_errors
 from navfuse.attitude.ahrs import estimate_attitude
 from navfuse.attitude.ahrs_settings import AhrsSettings
 from navfuse.data.aiding_logs import MagnetometerLog
@@ -15,15 +14,7 @@ from navfuse.data.logs import ImuLog
 from navfuse.errors import ConfigError, FilterError, InputError
 from reference.ahrs_world import FIELD_N, attitude_error, make_world, world_settings
 
-BROAD = {
-    "01_undisturbed_slow_rotation_A": ((1.17, 0.60), 0.38),
-    "21_undisturbed_fast_combined": ((3.36, 1.72), 0.96),
-    "30_disturbed_stationary_magnet_C": ((1.97, 1.25), 0.99),
-}
-"""Errors of VQF 2.1.2: real time total and inclination, offline inclination [deg]."""
-
-
-def consistency(seeds, seconds=36.0):
+def consistency(seeds, seconds=24.0):
     settings = world_settings()
     squares = {"realtime": [], "smoothed": []}
     bias, nis, delay = [], [], []
@@ -42,13 +33,12 @@ def consistency(seeds, seconds=36.0):
 
 def judge(seeds):
     squares, bias, nis, delay = consistency(seeds)
-    low, high = average_bounds(2 * len(seeds))
+    low, high = average_bounds(3 * len(seeds))
     for name in squares:
-        assert low < squares[name][:, :2].mean() < high, name
-    # The heading errs by more than it says, because field and heading are estimated at once (see docs/ahrs.md).
+        assert low < squares[name].mean() < high, name
     low, high = average_bounds(len(seeds))
-    for name, factor in (("realtime", 1.3), ("smoothed", 1.45)):
-        assert low < squares[name][:, 2].mean() < high * factor, name
+    for name in squares:
+        assert low < squares[name][:, 2].mean() < high, name
     low, high = average_bounds(3 * len(seeds))
     assert low < bias.mean() < high
     low, high = average_bounds(len(seeds))
@@ -77,9 +67,9 @@ def test_without_a_magnetometer_the_horizon_is_as_good():
     settings = world_settings()
     squares = []
     for seed in range(10):
-        world = make_world(settings, 36.0, seed)
+        world = make_world(settings, 20.0, seed)
         run = estimate_attitude(world.imu, None, settings)
-        k = 2400
+        k = 1500
         q = run.realtime.q_nb[[k]]
         # A heading of its own: that of the start is taken from the truth.
         start = Rotation.from_quat(world.q_nb[0][[1, 2, 3, 0]]) * Rotation.from_quat(run.realtime.q_nb[0][[1, 2, 3, 0]]).inv()
@@ -197,7 +187,7 @@ def test_what_cannot_be_used_is_refused_with_a_message():
     with pytest.raises(InputError, match="not near gravity; check the unit"):
         estimate_attitude(replace(imu, accel=imu.accel / 9.80665 / 20.0), mag)
     with pytest.raises(FilterError, match="lost its state"):
-        estimate_attitude(replace(imu, accel=np.where(imu.time[:, None] > 0.5, 1e200, imu.accel)), None)
+        estimate_attitude(replace(imu, accel=np.where(imu.time[:, None] > 0.5, 1e200, imu.accel)), None, smooth=False)
 
 
 @pytest.mark.parametrize(

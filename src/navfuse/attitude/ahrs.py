@@ -34,7 +34,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from navfuse.attitude.ahrs_kernels import BG, LAG, MEMORY, PSI, REF, N, backward, forward, spread
+from navfuse.attitude.ahrs_kernels import BG, LAG, MEMORY, PSI, REF, REJECTED, D, N, backward, forward, spread
 from navfuse.attitude.ahrs_settings import AhrsSettings
 from navfuse.attitude.magnetic_axes import check_magnetic_axes
 from navfuse.core.rotation import euler_from_quat_batch, quat_from_dcm, quat_from_rotvec, quat_multiply
@@ -100,9 +100,6 @@ class AttitudeReference:
     resting : (b,) bool array
     delay, sd_delay : float [s]
         By which the magnetometer came late against its stamps, at the end of the record.
-    states, P : (b, 21), (b, 21, 21) arrays or None
-        Of the real-time filter behind each block, as :mod:`navfuse.attitude.ahrs_kernels` numbers them (fields in
-        microtesla); only where they were asked for.
     """
 
     realtime: AttitudeSolution
@@ -134,7 +131,8 @@ def estimate_attitude(
         In the same axes, at any rate. None for inclination and a heading relative to the start ("6-D").
     settings : AhrsSettings, optional
     smooth : bool
-        Whether to smooth, which takes a second filter run and the way back.
+        Whether to smooth: back through the record, and with a magnetometer once more about the smoothed field, which
+        takes three times as long as the filter alone.
     check : bool
         Whether the axes of the magnetometer are held against gyro and reference field first.
 
@@ -204,6 +202,7 @@ class _Run:
             self.mag = _MICRO * np.ascontiguousarray(magnetometer.field_b[rows])
             self.mag_from = np.searchsorted(stamps, self.time, side="right").astype(np.int64)
             self.age = self.time[np.searchsorted(self.time, stamps)] - stamps
+        self.field = np.full((self.ends.size - 1, 3), np.nan)
         self.q0, self.x0 = self._start()
         self.P0 = np.diag(settings.start_sd(self.magnetic) ** 2)
 
@@ -235,67 +234,75 @@ class _Run:
     def _forward(self, first: int, last: int, state: list[Array], out_q: Array) -> _Stretch:
         stretch = _Stretch(last - first)
         forward(
-            first, last, self.ends, *self.inc, self.dt, self.mag, self.mag_from, self.age, self.settings.numbers(),
-            *state, out_q, stretch.x_pred, stretch.q_pred, stretch.x_post, stretch.q_post, stretch.P_pred,
-            stretch.P_post, stretch.F, stretch.record,
+            first, last, self.ends, *self.inc, self.dt, self.mag, self.mag_from, self.age, self.field,
+            self.settings.numbers(), *state, out_q, stretch.x_pred, stretch.q_pred, stretch.x_post, stretch.q_post,
+            stretch.P_pred, stretch.P_post, stretch.F, stretch.record,
         )  # fmt: skip
-        if not np.all(np.isfinite(stretch.x_post)):
+        if not (np.all(np.isfinite(stretch.x_post)) and np.all(np.isfinite(stretch.P_post))):
             raise FilterError(f"{self.source}: the attitude filter lost its state; check units and axes of the logs")
         return stretch
 
-    def result(self, smooth: bool) -> AttitudeReference:
-        blocks = self.ends.size - 1
+    def _filter(self) -> _Pass:
+        """Through the whole record."""
         memory = np.zeros(MEMORY)
         memory[0:3], memory[3:6] = self.inc[0][0] / self.dt[0], self.inc[1][0] / self.dt[0]
-        state = [self.q0.copy(), self.x0.copy(), self.P0.copy(), memory]
-        out_q = np.empty((self.dt.size, 4))
-        x, variance, record = np.empty((blocks + 1, N)), np.empty((blocks + 1, N)), np.empty((blocks, 3))
-        x[0], variance[0] = self.x0, np.diagonal(self.P0)
-        firsts = list(range(0, blocks, _STRETCH))
-        checkpoints = []
-        for first in firsts:
-            checkpoints.append([part.copy() for part in state])
+        blocks = self.ends.size - 1
+        found = _Pass([self.q0.copy(), self.x0.copy(), self.P0.copy(), memory], blocks, self.dt.size)
+        found.x[0], found.variance[0] = self.x0, np.diagonal(self.P0)
+        for first in range(0, blocks, _STRETCH):
+            found.checkpoints.append([part.copy() for part in found.state])
             last = min(first + _STRETCH, blocks)
-            stretch = self._forward(first, last, state, out_q)
-            x[first + 1 : last + 1] = stretch.x_post
-            variance[first + 1 : last + 1] = np.diagonal(stretch.P_post, axis1=1, axis2=2)
-            record[first:last] = stretch.record
-        realtime = self._solution(np.vstack([self.q0, out_q]), x, variance, False)
-        smoothed = self._smoothed(state, firsts, checkpoints, x, variance) if smooth else None
+            stretch = self._forward(first, last, found.state, found.q)
+            found.x[first + 1 : last + 1] = stretch.x_post
+            found.variance[first + 1 : last + 1] = np.diagonal(stretch.P_post, axis1=1, axis2=2)
+            found.record[first:last] = stretch.record
+        return found
+
+    def result(self, smooth: bool) -> AttitudeReference:
+        now = self._filter()
+        record = now.record
+        smoothed = None
+        if smooth:
+            back = self._smooth(now)
+            if self.magnetic:
+                # Once more, linearized about the smoothed field.
+                x = back.x[1:]
+                self.field = np.column_stack([x[:, REF] + x[:, D], x[:, D + 1], x[:, REF + 1] + x[:, D + 2]])
+                back = self._smooth(self._filter())
+            smoothed = self._solution(np.vstack([back.state[0], back.q]), back.x, back.variance, True)
         return AttitudeReference(
-            realtime,
+            self._solution(np.vstack([self.q0, now.q]), now.x, now.variance, False),
             smoothed,
             self.time[self.ends[1:]],
             record[:, 0],
-            record[:, 1] == 1.0,
+            record[:, 1] == REJECTED,
             record[:, 2] == 1.0,
-            float(x[-1, LAG]),
-            float(np.sqrt(variance[-1, LAG])),
+            float(now.x[-1, LAG]),
+            float(np.sqrt(now.variance[-1, LAG])),
         )
 
-    def _smoothed(
-        self, state: list[Array], firsts: list[int], checkpoints: list[list[Array]], x: Array, variance: Array
-    ) -> AttitudeSolution:
-        """Back through the record, one stretch filtered once more at a time."""
+    def _smooth(self, now: _Pass) -> _Pass:
+        """Back through the record, one stretch filtered once more at a time; `state` is then that of the start."""
         blocks = self.ends.size - 1
-        qs, xs, Ps = state[0].copy(), state[1].copy(), state[2].copy()
-        out_q, smoothed_q = np.empty((self.dt.size, 4)), np.empty((blocks + 1, 4))
-        x, variance = x.copy(), variance.copy()
+        back = _Pass([now.state[0].copy(), now.state[1].copy(), now.state[2].copy()], blocks, self.dt.size)
+        qs, xs, Ps = back.state
+        back.x[:], back.variance[:] = now.x, now.variance
+        smoothed_q = np.empty((blocks + 1, 4))
         smoothed_q[-1] = qs
-        for first, checkpoint in zip(reversed(firsts), reversed(checkpoints), strict=True):
-            last = min(first + _STRETCH, blocks)
-            q, x_first, P, memory = checkpoint
-            stretch = self._forward(first, last, [q.copy(), x_first.copy(), P.copy(), memory.copy()], out_q)
+        for number in range(len(now.checkpoints) - 1, -1, -1):
+            first, last = number * _STRETCH, min((number + 1) * _STRETCH, blocks)
+            q, x, P, memory = now.checkpoints[number]
+            stretch = self._forward(first, last, [q.copy(), x.copy(), P.copy(), memory.copy()], back.q)
             q_before = np.vstack([q, stretch.q_post[:-1]])
             good = backward(
-                stretch.x_pred, stretch.q_pred, np.vstack([x_first, stretch.x_post[:-1]]), q_before, stretch.P_pred,
-                np.concatenate([P[None], stretch.P_post[:-1]]), stretch.F, xs, qs, Ps, x[first:last],
-                smoothed_q[first:last], variance[first:last],
+                stretch.x_pred, stretch.q_pred, np.vstack([x, stretch.x_post[:-1]]), q_before, stretch.P_pred,
+                np.concatenate([P[None], stretch.P_post[:-1]]), stretch.F, xs, qs, Ps, back.x[first:last],
+                smoothed_q[first:last], back.variance[first:last],
             )  # fmt: skip
             if not good:
                 raise FilterError(f"{self.source}: a covariance cannot be smoothed; check the settings for zero noises")
-            spread(first, last, self.ends, self.time, out_q, stretch.q_pred, q_before, smoothed_q[first : last + 1])
-        return self._solution(np.vstack([smoothed_q[0], out_q]), x, variance, True)
+            spread(first, last, self.ends, self.time, back.q, stretch.q_pred, q_before, smoothed_q[first : last + 1])
+        return back
 
     def _solution(self, q: Array, x: Array, variance: Array, interpolate: bool) -> AttitudeSolution:
         """Epochs -> stamps; the states are turned to true north with the attitude."""
@@ -311,6 +318,17 @@ class _Run:
         return AttitudeSolution(
             self.time, turned, sd_psi, x[held, BG : BG + 3], x[held, BG + 3 : BG + 6], sd[held, BG : BG + 3]
         )
+
+
+class _Pass:
+    """One way through the record: attitude per interval, states and variances per epoch, and where it ended."""
+
+    def __init__(self, state: list[Array], blocks: int, intervals: int):
+        self.state = state
+        self.q = np.empty((intervals, 4))
+        self.x, self.variance = np.empty((2, blocks + 1, N))
+        self.record = np.empty((blocks, 3))
+        self.checkpoints: list[list[Array]] = []
 
 
 class _Stretch:

@@ -88,7 +88,7 @@ class AhrsSettings:
     mag_bias_walk: float = 1e-9
     mag_delay_sd: float = 0.01
     disturbance_sd: float = 1.5e-6
-    disturbance_tau: float = 1.0
+    disturbance_tau: float = 0.5
     field_sd: float = 5e-6
     field_walk: float = 1e-8
     field_n: ArrayLike | None = None
