@@ -17,10 +17,10 @@ def study(shared_data):
 def test_broad_beside_vqf(study):
     found = {trial.name[:2]: trial.errors for trial in study.trials}
     assert sorted(found) == ["01", "21", "30"]
-    for errors in found.values():
+    for name, errors in found.items():
         assert errors["navfuse"].total <= errors["VQF"].total
         assert errors["navfuse"].inclination <= errors["VQF"].inclination
-        assert errors["navfuse 6-D"].total <= errors["VQF 6-D"].total
+        assert errors["navfuse 6-D"].inclination <= errors["VQF 6-D"].inclination, name
     for name in ("21", "30"):
         assert found[name]["navfuse smoothed"].total <= found[name]["VQF offline"].total
     # On the slow trial VQF offline is better, 0.85 against 0.94 deg (docs/ahrs.md).

@@ -211,7 +211,9 @@ def _vqf(trial: BroadTrial) -> dict[str, Array]:
     half = float(np.sqrt(0.5))
 
     def to_ned(q: Array) -> Array:
-        return np.stack(quat_multiply((0.0, half, half, 0.0), np.stack(quat_multiply(q.T, (0.0, 1.0, 0.0, 0.0)))), axis=1)
+        return np.stack(
+            quat_multiply((0.0, half, half, 0.0), np.stack(quat_multiply(q.T, (0.0, 1.0, 0.0, 0.0)))), axis=1
+        )
 
     return {
         "VQF": to_ned(now["quat9D"]),

@@ -14,6 +14,7 @@ from navfuse.data.logs import ImuLog
 from navfuse.errors import ConfigError, FilterError, InputError
 from reference.ahrs_world import FIELD_N, attitude_error, make_world, world_settings
 
+
 def consistency(seeds, seconds=24.0):
     settings = world_settings()
     squares = {"realtime": [], "smoothed": []}
@@ -72,7 +73,10 @@ def test_without_a_magnetometer_the_horizon_is_as_good():
         k = 1500
         q = run.realtime.q_nb[[k]]
         # A heading of its own: that of the start is taken from the truth.
-        start = Rotation.from_quat(world.q_nb[0][[1, 2, 3, 0]]) * Rotation.from_quat(run.realtime.q_nb[0][[1, 2, 3, 0]]).inv()
+        start = (
+            Rotation.from_quat(world.q_nb[0][[1, 2, 3, 0]])
+            * Rotation.from_quat(run.realtime.q_nb[0][[1, 2, 3, 0]]).inv()
+        )
         turn = Rotation.from_euler("Z", start.as_euler("ZYX")[0])
         turned = (turn * Rotation.from_quat(q[:, [1, 2, 3, 0]])).as_quat()[:, [3, 0, 1, 2]]
         error = attitude_error(world.q_nb[[k]], turned)[0]

@@ -29,7 +29,9 @@ def drawn(seed, seconds=300.0, settings=MODEL, heading_step=0.5, rate=None):
     true_rate = 0.4 * np.sin(0.05 * time[1:]) + 0.3 if rate is None else rate(time[1:])
     heading = 5.9 + np.concatenate([[0.0], np.cumsum(true_rate * dt)])
     walk = settings.gyro_bias_walk
-    bias = settings.gyro_bias_sd * rng.standard_normal() + walk * np.sqrt(dt) * np.cumsum(rng.standard_normal(time.size))
+    bias = settings.gyro_bias_sd * rng.standard_normal() + walk * np.sqrt(dt) * np.cumsum(
+        rng.standard_normal(time.size)
+    )
     # The mean of the bias over an interval, and the rest of its walk inside it, which Q counts as S tau^3 / 3.
     inside = walk * np.sqrt(dt**3 / 12.0) * rng.standard_normal(time.size - 1)
     turn = true_rate * dt + 0.5 * (bias[1:] + bias[:-1]) * dt + inside

@@ -74,7 +74,11 @@ def make_world(settings: AhrsSettings, seconds: float, seed: int, disturbance=No
     decay = np.exp(-block_s / settings.disturbance_tau)
     for k in range(1, blocks):
         d[k] = decay * d[k - 1] + settings.disturbance_sd * np.sqrt(1.0 - decay**2) * rng.standard_normal(3)
-    M = np.array(FIELD_N) + settings.field_sd * rng.standard_normal(3) * [1.0, 0.0, 1.0] + np.repeat(d, PER_BLOCK, axis=0)
+    M = (
+        np.array(FIELD_N)
+        + settings.field_sd * rng.standard_normal(3) * [1.0, 0.0, 1.0]
+        + np.repeat(d, PER_BLOCK, axis=0)
+    )
     if disturbance is not None:
         M = M + disturbance(time[1:])
     delay = settings.mag_delay_sd * rng.standard_normal()

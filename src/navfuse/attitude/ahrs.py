@@ -174,7 +174,9 @@ def _need_finite(source: str, name: str, values: Array) -> None:
 def _from_first_field(imu: ImuLog, magnetometer: MagnetometerLog) -> ImuLog:
     inside = (magnetometer.time > imu.time[0]) & (magnetometer.time <= imu.time[-1]) if imu.time.size else [False]
     if not np.any(inside):
-        raise InputError(f"{magnetometer.source}: no magnetic sample lies inside {imu.source}; are both on one time scale?")
+        raise InputError(
+            f"{magnetometer.source}: no magnetic sample lies inside {imu.source}; are both on one time scale?"
+        )
     first = magnetometer.time[np.argmax(inside)]
     if first - imu.time[0] <= _WAIT:
         return imu

@@ -45,7 +45,9 @@ USED, REJECTED, RESET, ABSENT = 0.0, 1.0, 2.0, -1.0
 @njit(cache=True, error_model="numpy")
 def inject(q, x, dx):
     """Apply a correction (21,) to attitude (4,) and states (21,), in place. ``x[6:9]`` is not used: q holds it."""
-    turned = quat_normalize(quat_multiply(quat_from_rotvec((dx[PSI], dx[PSI + 1], dx[PSI + 2])), (q[0], q[1], q[2], q[3])))
+    turned = quat_normalize(
+        quat_multiply(quat_from_rotvec((dx[PSI], dx[PSI + 1], dx[PSI + 2])), (q[0], q[1], q[2], q[3]))
+    )
     for i in range(4):
         q[i] = turned[i]
     for i in range(N):
@@ -131,7 +133,9 @@ def forward(
             h = dt[k]
             turn = (inc_theta[k, 0] - x[BG] * h, inc_theta[k, 1] - x[BG + 1] * h, inc_theta[k, 2] - x[BG + 2] * h)
             dv = (inc_v[k, 0] - x[BA] * h, inc_v[k, 1] - x[BA + 1] * h, inc_v[k, 2] - x[BA + 2] * h)
-            q_mid = quat_multiply((q[0], q[1], q[2], q[3]), quat_from_rotvec((0.5 * turn[0], 0.5 * turn[1], 0.5 * turn[2])))
+            q_mid = quat_multiply(
+                (q[0], q[1], q[2], q[3]), quat_from_rotvec((0.5 * turn[0], 0.5 * turn[1], 0.5 * turn[2]))
+            )
             C = dcm_from_quat(q_mid)
             dv_n = mat_vec(C, dv)
             for j in range(3):
@@ -197,8 +201,12 @@ def forward(
                 F[PSI + i, BG + j] = -A[i, j]
                 F[V + i, BG + j] = B[i, j]
                 F[V + i, BA + j] = -A[i, j]
-            Q[PSI + i, PSI + i] = arw * arw * duration + gyro_scale * gyro_scale * turn_square + gap_rate * gap_rate * gap
-            Q[V + i, V + i] = vrw * vrw * duration + accel_scale * accel_scale * accel_square + gap_force * gap_force * gap
+            Q[PSI + i, PSI + i] = (
+                arw * arw * duration + gyro_scale * gyro_scale * turn_square + gap_rate * gap_rate * gap
+            )
+            Q[V + i, V + i] = (
+                vrw * vrw * duration + accel_scale * accel_scale * accel_square + gap_force * gap_force * gap
+            )
             Q[D + i, D + i] = noise
             Q[BG + i, BG + i] = gyro_walk * gyro_walk * duration
             Q[BA + i, BA + i] = accel_walk * accel_walk * duration
@@ -237,7 +245,8 @@ def forward(
         record[row, 0], record[row, 1], record[row, 2] = np.nan, ABSENT, 1.0 if resting else 0.0
         if count > 0 and not resting:
             turned = quat_multiply(
-                (q[0], q[1], q[2], q[3]), quat_conjugate((q_pred[row, 0], q_pred[row, 1], q_pred[row, 2], q_pred[row, 3]))
+                (q[0], q[1], q[2], q[3]),
+                quat_conjugate((q_pred[row, 0], q_pred[row, 1], q_pred[row, 2], q_pred[row, 3])),
             )
             m_n = quat_rotate(turned, (mean_m[0] / count, mean_m[1] / count, mean_m[2] / count))
             M = (x[REF] + x[D], x[D + 1], x[REF + 1] + x[D + 2])
@@ -321,7 +330,9 @@ def backward(x_pred, q_pred, x_post, q_post, P_pred, P_post, F_all, xs, qs, Ps, 
         for i in range(N):
             e[i] = xs[i] - x_pred[k, i]
         r = rotvec_from_quat(
-            quat_multiply((qs[0], qs[1], qs[2], qs[3]), quat_conjugate((q_pred[k, 0], q_pred[k, 1], q_pred[k, 2], q_pred[k, 3])))
+            quat_multiply(
+                (qs[0], qs[1], qs[2], qs[3]), quat_conjugate((q_pred[k, 0], q_pred[k, 1], q_pred[k, 2], q_pred[k, 3]))
+            )
         )
         for i in range(3):
             e[PSI + i] = r[i]

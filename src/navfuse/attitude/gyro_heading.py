@@ -296,6 +296,4 @@ def _innovations(time: Array, at: Array, rows: Array, record: Array) -> Innovati
     padded[0, :, 0], padded[1, :, 0] = record[at, 0], np.sqrt(record[at, 1])
     status = _STATUS[record[at, 3].astype(int)]
     source = np.full(at.size, SOURCE)
-    return Innovations(
-        time[at], source, status, record[at, 2], np.ones(at.size, dtype=int), padded[0], padded[1], rows
-    )
+    return Innovations(time[at], source, status, record[at, 2], np.ones(at.size, dtype=int), padded[0], padded[1], rows)
