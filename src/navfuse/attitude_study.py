@@ -207,7 +207,7 @@ def _vqf(trial: BroadTrial) -> dict[str, Array]:
         np.ascontiguousarray(values * flu)
         for values in (trial.imu.gyro[1:] / dt, trial.imu.accel[1:] / dt, 1e6 * trial.magnetometer.field_b)
     ]
-    now, later = VQF(dt).updateBatch(*logs), offlineVQF(*logs, dt)
+    now, later = VQF(dt).updateBatch(*logs), offlineVQF(logs[0], logs[1], logs[2], dt)
     half = float(np.sqrt(0.5))
 
     def to_ned(q: Array) -> Array:

@@ -19,11 +19,13 @@ FIELD_N = np.array([18e-6, 0.0, 45e-6])
 
 def world_settings(**changes) -> AhrsSettings:
     """Settings that the world is made from: blocks of four samples, velocity white from block to block."""
-    base = dict(
-        block=STEP * PER_BLOCK, velocity_density=0.02, velocity_time=0.0, accel_scale=0.0, accel_noise=0.003,
-        gyro_noise=2e-3, gyro_scale=0.004, field_n=FIELD_N, field_sd=5e-7, disturbance_tau=1.0, rest_rate=0.0,
-        accel_bias_sd=0.02,
-    )  # fmt: skip
+    base = {
+        "block": STEP * PER_BLOCK, "velocity_density": 0.02, "velocity_time": 0.0, "accel_scale": 0.0,
+        "accel_noise": 0.003,
+        "gyro_noise": 2e-3, "gyro_scale": 0.004, "field_n": FIELD_N, "field_sd": 5e-7, "disturbance_tau": 1.0,
+        "rest_rate": 0.0,
+        "accel_bias_sd": 0.02,
+    }  # fmt: skip
     return AhrsSettings(**(base | changes))
 
 
@@ -54,7 +56,7 @@ def make_world(settings: AhrsSettings, seconds: float, seed: int, disturbance=No
     )
     steps = Rotation.from_rotvec(rate * STEP)
     halves = Rotation.from_rotvec(0.5 * rate * STEP)
-    q = [Rotation.from_euler("ZYX", rng.uniform(-0.3, 0.3, 3) + [rng.uniform(-3.0, 3.0), 0.0, 0.0])]
+    q = [Rotation.from_euler("ZYX", [*rng.uniform(-0.3, 0.3, 3), rng.uniform(-3.0, 3.0), 0.0, 0.0])]
     for step in steps:
         q.append(q[-1] * step)
     attitude = Rotation.concatenate(q)

@@ -1,17 +1,18 @@
 r"""Attitude and heading reference: attitude from gyro, accelerometer and magnetometer, in real time and smoothed.
 
-The filter integrates the gyro and, with that attitude, the accelerometer, and knows one thing about the motion: the body
-stays about where it is, so that its velocity is noise about zero. What the velocity runs up to is then the error of the
-inclination, and gravity is found by averaging the specific force in the level frame over seconds, whatever the body does
-in between. (VQF, Laidig and Seel 2023, low-passes the specific force in an inertial frame for the same reason; here the
+The filter integrates the gyro and, with that attitude, the accelerometer, and knows one thing about the motion: the
+body stays about where it is, so that its velocity is noise about zero. What the velocity runs up to is then the error
+of the inclination, and gravity is found by averaging the specific force in the level frame over seconds, whatever the
+body does in between. (VQF, Laidig and Seel 2023, low-passes the specific force in an inertial frame for the same reason; here the
 gain follows from the noises and changes with the motion, and there is a covariance.) The errors obey
 
 .. math::
 
     \dot\psi = -C_{nb}\,(\delta b_g + n_g), \qquad
-    \delta\dot v = -[f_n\times]\psi - C_{nb}\,\delta b_a + n_a
+    \delta\dot v = -[f_n\times]\psi_{NE} - C_{nb}\,\delta b_a + n_a
 
-(Groves 2013, eqs. 14.38 and 14.46 without the rotation and the curvature of the Earth). The magnetometer gives, turned
+(the strapdown error equations of Groves 2013, section 14.2, without the rotation and the curvature of the Earth); the
+heading error has no part in the velocity, which is resolved in the level frame of the estimated heading. The magnetometer gives, turned
 into n by the estimated attitude,
 
 .. math::
@@ -212,9 +213,10 @@ class _Run:
         """Level by the first force, north by the first field."""
         first = self.inc[1][: self.ends[1]].sum(axis=0)
         size = np.linalg.norm(first)
-        if not 0.1 * self.settings.gravity < size / self.dt[: self.ends[1]].sum() < 10.0 * self.settings.gravity:
+        mean = size / self.dt[: self.ends[1]].sum()
+        if not 0.1 * self.settings.gravity < mean < 10.0 * self.settings.gravity:
             raise InputError(
-                f"{self.source}: the first specific force is {size / self.dt[: self.ends[1]].sum():.3g} m/s^2, not near "
+                f"{self.source}: the first specific force is {mean:.3g} m/s^2, not near "
                 "gravity; check the unit of the accelerometer, or let the log begin where the body is not in free fall"
             )
         down = -first / size

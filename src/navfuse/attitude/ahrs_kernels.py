@@ -72,8 +72,8 @@ def _watch_rest(memory, w, f, dt, rest_rate, rest_force):
 
 @njit(cache=True, error_model="numpy")
 def forward(
-    first, last, ends, inc_theta, inc_v, dt, mag, mag_from, mag_age, field, par, q, x, P, memory, out_q, x_pred, q_pred, x_post,
-    q_post, P_pred, P_post, F_all, record
+    first, last, ends, inc_theta, inc_v, dt, mag, mag_from, mag_age, field, par, q, x, P, memory, out_q, x_pred, q_pred,
+    x_post, q_post, P_pred, P_post, F_all, record
 ):  # fmt: skip
     """Filter blocks `first` until before `last`, in place on `q` (4,), `x` (21,), `P` (21, 21) and `memory` (10,).
 
@@ -87,7 +87,7 @@ def forward(
         Rows ``mag_from[k]`` until before ``mag_from[k + 1]`` belong to interval k; `mag_age` is how long before its end
         each was measured.
     field : (b, 3) array [uT]
-        Field in n about which the measurement is linearized, of each block; NaN takes the reference field of the moment.
+        Field in n about which the measurement of each block is linearized; NaN takes the reference field of the moment.
     par : tuple
         From :meth:`navfuse.attitude.ahrs_settings.AhrsSettings.numbers`.
     memory : (10,) array
@@ -105,8 +105,8 @@ def forward(
     No checks are made.
     """
     (
-        gravity, arw, gyro_scale, gyro_walk, vrw, accel_scale, accel_walk, velocity_density, velocity_time, accel_memory,
-        mag_noise, dist_sd, dist_tau, mag_bias_walk, field_walk, delay_walk, gate, patience, rest_rate, rest_force,
+        gravity, arw, gyro_scale, gyro_walk, vrw, accel_scale, accel_walk, velocity_density, velocity_time,
+        accel_memory, mag_noise, dist_sd, dist_tau, mag_bias_walk, field_walk, delay_walk, gate, patience, rest_rate, rest_force,
         rest_after, rest_velocity, rest_rate_noise, gap_s, gap_rate, gap_force,
     ) = par  # fmt: skip
     free_all, free_mag = np.ones(N), np.ones(N)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +17,7 @@ _DEGREE = np.pi / 180.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AhrsSettings:
-    """Settings of :func:`navfuse.attitude.ahrs.estimate_attitude`: SI units and radians, for a body that is handled or worn.
+    """Settings of :func:`navfuse.attitude.ahrs.estimate_attitude`, SI units and radians, for a body held or worn.
 
     Attributes
     ----------
@@ -110,7 +111,7 @@ class AhrsSettings:
         for name in (field.name for field in fields(self)):
             if name in ("field_n", "declination", "gate_probability"):
                 continue
-            value = getattr(self, name)
+            value: Any = getattr(self, name)
             least = name in positive
             if not (np.isscalar(value) and np.isfinite(value) and (value > 0.0 if least else value >= 0.0)):
                 raise ConfigError(f"{name} = {value!r} has to be a finite number {'> 0' if least else '>= 0'}")
@@ -122,8 +123,8 @@ class AhrsSettings:
             field_n = np.asarray(self.field_n, dtype=float)
             if field_n.shape != (3,) or not np.all(np.isfinite(field_n)) or not np.hypot(*field_n[:2]) > 1e-6:
                 raise ConfigError(
-                    f"field_n = {self.field_n!r} has to be the field north, east, down in tesla, with a horizontal part "
-                    "of more than 1 uT"
+                    f"field_n = {self.field_n!r} has to be the field north, east, down in tesla, with a horizontal "
+                    "part of more than 1 uT"
                 )
 
     @property
@@ -144,7 +145,8 @@ class AhrsSettings:
             for value in (
                 self.gravity, self.gyro_noise, self.gyro_scale, self.gyro_bias_walk, self.accel_noise, self.accel_scale,
                 self.accel_bias_walk, self.velocity_density, self.velocity_time, self.accel_memory,
-                _MICRO * self.mag_noise, _MICRO * self.disturbance_sd, self.disturbance_tau, _MICRO * self.mag_bias_walk,
+                _MICRO * self.mag_noise, _MICRO * self.disturbance_sd, self.disturbance_tau,
+                _MICRO * self.mag_bias_walk,
                 _MICRO * self.field_walk, 1e-5 if self.mag_delay_sd > 0.0 else 0.0, gate, self.patience, self.rest_rate,
                 self.rest_force, self.rest_after, self.rest_velocity_sd, self.rest_rate_noise, *gaps,
             )

@@ -5,7 +5,8 @@ signs of navfuse, error = true - estimate and measured = true + bias,
 
 .. math::
 
-    \delta\psi_k = \delta\psi_{k-1} - \tau b_{k-1}, \qquad b_k = b_{k-1}, \qquad z_k = \psi^M_k - \psi^g_k = \delta\psi_k + v_k
+    \delta\psi_k = \delta\psi_{k-1} - \tau b_{k-1}, \qquad b_k = b_{k-1}, \qquad
+    z_k = \psi^M_k - \psi^g_k = \delta\psi_k + v_k
 
     F = \begin{pmatrix} 1 & -\tau \\ 0 & 1 \end{pmatrix}, \quad
     Q = \begin{pmatrix} S_{rg}\tau + S_{bgd}\tau^3/3 & -S_{bgd}\tau^2/2 \\ -S_{bgd}\tau^2/2 & S_{bgd}\tau \end{pmatrix},
@@ -55,7 +56,7 @@ class GyroHeadingSettings:
     gyro_bias_walk : float [rad/s/sqrt(s)]
         Square root of S_bgd.
     gyro_scale_sd : float [1]
-        Scale factor error of the gyro. It is no state: every step of the gyro heading adds ``(scale dpsi)^2`` to S_rg tau.
+        Scale factor error of the gyro. It is no state: each step of the gyro heading adds ``(scale dpsi)^2`` to S_rg tau.
     heading_sd : float [rad]
         sigma_M, where the heading log states none.
     declination : float [rad]
@@ -228,7 +229,7 @@ def gyro_heading(
     Parameters
     ----------
     yaw : YawRateLog
-        Yaw rate, clockwise from above. :func:`~navfuse.attitude.heading_logs.yaw_rate_from_imu` makes one of an IMU log.
+        Clockwise from above. :func:`~navfuse.attitude.heading_logs.yaw_rate_from_imu` makes one of an IMU log.
     heading : HeadingLog
         Magnetic headings, or true ones if the declination of `settings` is zero. For a magnetometer see
         :func:`~navfuse.attitude.heading_logs.magnetic_heading`. Its standard deviations count where it has them.
@@ -256,7 +257,7 @@ def gyro_heading(
     inside = (heading.time >= yaw.time[0]) & (heading.time <= yaw.time[-1]) if yaw.time.size > 1 else np.zeros(0, bool)
     if np.count_nonzero(inside) < 2:
         raise InputError(
-            f"{heading.source}: fewer than two headings lie inside the gyro log {yaw.source}; are both on one time scale?"
+            f"{heading.source}: fewer than two headings lie inside {yaw.source}; are both on one time scale?"
         )
     if check:
         check_heading_against_gyro(yaw, heading)

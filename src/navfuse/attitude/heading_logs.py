@@ -1,4 +1,4 @@
-"""What a heading filter takes: yaw rates, headings from a levelled magnetometer, and a look at whether the two agree."""
+"""What a heading filter takes: yaw rates, headings of a levelled magnetometer, and whether the two agree."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def yaw_rate_from_imu(imu: ImuLog, roll: ArrayLike = 0.0, pitch: ArrayLike = 0.0
     imu : ImuLog
         Body axes forward-right-down.
     roll, pitch : float or (n - 1,) arrays [rad]
-        Attitude of the body in the intervals of the log: ``(w_y sin roll + w_z cos roll) / cos pitch`` (Groves 2013, eq.
+        Attitude in the intervals of the log: ``(w_y sin roll + w_z cos roll) / cos pitch`` (Groves 2013, eq.
         2.58). Zero for a level platform, where an inclination of 5 deg costs 0.4 % of the rate.
 
     Returns

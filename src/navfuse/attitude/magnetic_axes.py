@@ -90,9 +90,9 @@ def check_magnetic_axes(
     if residual(best) * _TELLING < claimed:
         names = ", ".join(_named(best, i) for i in range(3))
         raise InputError(
-            f"{magnetometer.source}: the field does not turn as the gyro does: {100.0 * claimed:.0f} % of it is left over, "
-            f"but {100.0 * residual(best):.0f} % with (x, y, z) = ({names}), or all three with the other sign; correct the "
-            "axes of the magnetometer (or of the gyro), body axes are forward-right-down"
+            f"{magnetometer.source}: the field does not turn as the gyro does: {100.0 * claimed:.0f} % of it is left "
+            f"over, but {100.0 * residual(best):.0f} % with (x, y, z) = ({names}), or all three with the other sign; correct "
+            "the axes of the magnetometer (or of the gyro), body axes are forward-right-down"
         )
     _check_sign(increments, magnetometer, rows, at, field_n)
     return claimed

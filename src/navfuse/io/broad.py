@@ -34,7 +34,8 @@ class BroadTrial:
     ----------
     name : str
     imu : ImuLog
-        Increments, row k > 0 over (time[k - 1], time[k]]: sample k of the trial, held over the interval that ends at it,
+        Increments, row k > 0 over (time[k - 1], time[k]]: sample k of the trial, held over the interval that ends
+        at it,
         as the published evaluations integrate it. Row 0 only opens the first interval, so there are n + 1 rows.
     magnetometer : MagnetometerLog
         n rows.
@@ -68,9 +69,7 @@ def read_broad(path: str | os.PathLike[str]) -> BroadTrial:
         raise InputError(f"{path}: cannot be read as a MATLAB file of the BROAD benchmark ({error})") from error
     for name, columns in _WANTED.items():
         if name not in data or data[name].ndim != 2 or data[name].shape[1] != columns:
-            raise InputError(
-                f"{path}: a trial of BROAD holds an array '{name}' of {columns} columns; this file does not"
-            )
+            raise InputError(f"{path}: a trial of BROAD holds '{name}' with {columns} columns; this file does not")
     rows = {name: data[name].shape[0] for name in _WANTED if name != "sampling_rate"}
     if len(set(rows.values())) != 1:
         raise InputError(f"{path}: the arrays of a trial have to be equally long, not {rows}")
