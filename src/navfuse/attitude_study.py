@@ -84,7 +84,9 @@ def gyro_heading_study(scenarios: tuple[str, ...] = ("lawnmower", "rc-car"), see
         truth = scenario_truth(load_scenario(name))
         ideal = yaw_rate_from_imu(truth.ideal_imu)
         step = float(np.diff(ideal.time).mean())
-        psi = truth.motion.trajectory(ideal.time).attitude[:, 2]
+        attitude = truth.motion.trajectory(ideal.time).attitude
+        assert attitude is not None
+        psi = attitude[:, 2]
         rows = np.arange(0, psi.size, round(0.5 / step))
         late = ideal.time > ideal.time[0] + SETTLED_S
         squares: dict[str, list[float]] = {key: [] for key in ("compass", "gyro", "forward", "smoothed")}

@@ -3,7 +3,8 @@ r"""Attitude and heading reference: attitude from gyro, accelerometer and magnet
 The filter integrates the gyro and, with that attitude, the accelerometer, and knows one thing about the motion: the
 body stays about where it is, so that its velocity is noise about zero. What the velocity runs up to is then the error
 of the inclination, and gravity is found by averaging the specific force in the level frame over seconds, whatever the
-body does in between. (VQF, Laidig and Seel 2023, low-passes the specific force in an inertial frame for the same reason; here the
+body does in between.
+(VQF, Laidig and Seel 2023, low-passes the specific force in an inertial frame for the same reason; here the
 gain follows from the noises and changes with the motion, and there is a covariance.) The errors obey
 
 .. math::
@@ -11,9 +12,9 @@ gain follows from the noises and changes with the motion, and there is a covaria
     \dot\psi = -C_{nb}\,(\delta b_g + n_g), \qquad
     \delta\dot v = -[f_n\times]\psi_{NE} - C_{nb}\,\delta b_a + n_a
 
-(the strapdown error equations of Groves 2013, section 14.2, without the rotation and the curvature of the Earth); the
-heading error has no part in the velocity, which is resolved in the level frame of the estimated heading. The magnetometer gives, turned
-into n by the estimated attitude,
+(Groves 2013, section 14.2, without the rotation and the curvature of the Earth); the
+heading error has no part in the velocity, which is resolved in the level frame of the estimated heading. The
+magnetometer gives, turned into n by the estimated attitude,
 
 .. math::
 

@@ -106,8 +106,8 @@ def forward(
     """
     (
         gravity, arw, gyro_scale, gyro_walk, vrw, accel_scale, accel_walk, velocity_density, velocity_time,
-        accel_memory, mag_noise, dist_sd, dist_tau, mag_bias_walk, field_walk, delay_walk, gate, patience, rest_rate, rest_force,
-        rest_after, rest_velocity, rest_rate_noise, gap_s, gap_rate, gap_force,
+        accel_memory, mag_noise, dist_sd, dist_tau, mag_bias_walk, field_walk, delay_walk, gate, patience, rest_rate,
+        rest_force, rest_after, rest_velocity, rest_rate_noise, gap_s, gap_rate, gap_force,
     ) = par  # fmt: skip
     free_all, free_mag = np.ones(N), np.ones(N)
     for i in range(3):

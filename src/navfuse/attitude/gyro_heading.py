@@ -56,7 +56,8 @@ class GyroHeadingSettings:
     gyro_bias_walk : float [rad/s/sqrt(s)]
         Square root of S_bgd.
     gyro_scale_sd : float [1]
-        Scale factor error of the gyro. It is no state: each step of the gyro heading adds ``(scale dpsi)^2`` to S_rg tau.
+        Scale factor error of the gyro. It is no state: each step of the gyro heading adds
+        ``(scale dpsi)^2`` to S_rg tau.
     heading_sd : float [rad]
         sigma_M, where the heading log states none.
     declination : float [rad]

@@ -91,8 +91,8 @@ def check_magnetic_axes(
         names = ", ".join(_named(best, i) for i in range(3))
         raise InputError(
             f"{magnetometer.source}: the field does not turn as the gyro does: {100.0 * claimed:.0f} % of it is left "
-            f"over, but {100.0 * residual(best):.0f} % with (x, y, z) = ({names}), or all three with the other sign; correct "
-            "the axes of the magnetometer (or of the gyro), body axes are forward-right-down"
+            f"over, but {100.0 * residual(best):.0f} % with (x, y, z) = ({names}), or all three with the other sign; "
+            "correct the axes of the magnetometer (or of the gyro), body axes are forward-right-down"
         )
     _check_sign(increments, magnetometer, rows, at, field_n)
     return claimed
