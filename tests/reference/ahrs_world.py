@@ -56,7 +56,9 @@ def make_world(settings: AhrsSettings, seconds: float, seed: int, disturbance=No
     )
     steps = Rotation.from_rotvec(rate * STEP)
     halves = Rotation.from_rotvec(0.5 * rate * STEP)
-    q = [Rotation.from_euler("ZYX", [*rng.uniform(-0.3, 0.3, 3), rng.uniform(-3.0, 3.0), 0.0, 0.0])]
+    start = rng.uniform(-0.3, 0.3, 3)
+    start[0] = rng.uniform(-3.0, 3.0)
+    q = [Rotation.from_euler("ZYX", start)]
     for step in steps:
         q.append(q[-1] * step)
     attitude = Rotation.concatenate(q)
