@@ -70,8 +70,8 @@ def orientation_errors(
     total = 2.0 * np.arctan2(np.linalg.norm(e[1:], axis=0), np.abs(e[0]))
     heading = 2.0 * np.arctan2(np.abs(e[3]), np.abs(e[0]))
     inclination = 2.0 * np.arctan2(np.hypot(e[1], e[2]), np.hypot(e[0], e[3]))
-    values = (float(np.sqrt(np.mean(angle**2))) for angle in (total, heading, inclination))
-    return OrientationErrors(*values, offset, int(np.count_nonzero(use)))
+    rms = [float(np.sqrt(np.mean(angle**2))) for angle in (total, heading, inclination)]
+    return OrientationErrors(rms[0], rms[1], rms[2], offset, int(np.count_nonzero(use)))
 
 
 def _turned(e: Array, angle: float) -> Array:

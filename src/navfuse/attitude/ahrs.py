@@ -238,9 +238,11 @@ class _Run:
 
     def _forward(self, first: int, last: int, state: list[Array], out_q: Array) -> _Stretch:
         stretch = _Stretch(last - first)
+        inc_theta, inc_v = self.inc
+        q, x, P, memory = state
         forward(
-            first, last, self.ends, *self.inc, self.dt, self.mag, self.mag_from, self.age, self.field,
-            self.settings.numbers(), *state, out_q, stretch.x_pred, stretch.q_pred, stretch.x_post, stretch.q_post,
+            first, last, self.ends, inc_theta, inc_v, self.dt, self.mag, self.mag_from, self.age, self.field,
+            self.settings.numbers(), q, x, P, memory, out_q, stretch.x_pred, stretch.q_pred, stretch.x_post, stretch.q_post,
             stretch.P_pred, stretch.P_post, stretch.F, stretch.record,
         )  # fmt: skip
         if not (np.all(np.isfinite(stretch.x_post)) and np.all(np.isfinite(stretch.P_post))):

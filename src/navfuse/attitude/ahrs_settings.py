@@ -113,7 +113,8 @@ class AhrsSettings:
                 continue
             value: Any = getattr(self, name)
             least = name in positive
-            if not (np.isscalar(value) and np.isfinite(value) and (value > 0.0 if least else value >= 0.0)):
+            number = float(value) if np.ndim(value) == 0 else np.nan
+            if not (np.isfinite(number) and (number > 0.0 if least else number >= 0.0)):
                 raise ConfigError(f"{name} = {value!r} has to be a finite number {'> 0' if least else '>= 0'}")
         if not 0.0 < self.gate_probability <= 1.0:
             raise ConfigError(f"gate_probability = {self.gate_probability!r} has to be in (0, 1]")
