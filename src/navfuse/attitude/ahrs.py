@@ -242,8 +242,8 @@ class _Run:
         q, x, P, memory = state
         forward(
             first, last, self.ends, inc_theta, inc_v, self.dt, self.mag, self.mag_from, self.age, self.field,
-            self.settings.numbers(), q, x, P, memory, out_q, stretch.x_pred, stretch.q_pred, stretch.x_post, stretch.q_post,
-            stretch.P_pred, stretch.P_post, stretch.F, stretch.record,
+            self.settings.numbers(), q, x, P, memory, out_q, stretch.x_pred, stretch.q_pred, stretch.x_post,
+            stretch.q_post, stretch.P_pred, stretch.P_post, stretch.F, stretch.record,
         )  # fmt: skip
         if not (np.all(np.isfinite(stretch.x_post)) and np.all(np.isfinite(stretch.P_post))):
             raise FilterError(f"{self.source}: the attitude filter lost its state; check units and axes of the logs")
