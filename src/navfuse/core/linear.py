@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from navfuse.core.fused import fused
-from navfuse.core.kalman import _invert
+from navfuse.core.kalman import invert
+from navfuse.core.linear_kalman import propagate, smooth
 
 
 @fused
@@ -28,23 +29,15 @@ def predict(x, P, Phi, Q):
     No checks are made.
     """
     n = x.size
-    moved = np.zeros(n)
-    PhiP = np.zeros((n, n))
+    moved, carried = np.zeros(n), np.empty((n, n))
+    propagate(P, Phi, Q, carried)
     for i in range(n):
         for k in range(n):
-            phi = Phi[i, k]
-            if phi != 0.0:
-                moved[i] += phi * x[k]
-                for j in range(n):
-                    PhiP[i, j] += phi * P[k, j]
+            moved[i] += Phi[i, k] * x[k]
     for i in range(n):
         x[i] = moved[i]
-        for j in range(i + 1):
-            v = 0.5 * (Q[i, j] + Q[j, i])
-            for k in range(n):
-                v += PhiP[i, k] * Phi[j, k]
-            P[i, j] = v
-            P[j, i] = v
+        for j in range(n):
+            P[i, j] = carried[i, j]
 
 
 @fused
@@ -69,7 +62,8 @@ def update(x, P, z, H, R, gate):
 
     Notes
     -----
-    Joseph form: P' = (I - K H) P (I - K H)^T + K R K^T. No checks are made.
+    Joseph form as products, P' = (I - K H) P (I - K H)^T + K R K^T: positive semi-definite by construction, where
+    :func:`navfuse.core.linear_kalman.update` has the same with differences, which is faster. No checks are made.
     """
     n, d = x.size, z.size
     HP = np.zeros((d, n))
@@ -88,7 +82,7 @@ def update(x, P, z, H, R, gate):
             S[a, b] = v
             S[b, a] = v
     inverse = np.empty((d, d))
-    if not _invert(S, inverse):
+    if not invert(S, inverse):
         return np.nan
     nis = 0.0
     for a in range(d):
@@ -152,31 +146,13 @@ def smooth_step(x, P, Phi, x_predicted, P_predicted, x_next, P_next):
     G = P Phi^T P_predicted^-1, x += G (x_next - x_predicted), P += G (P_next - P_predicted) G^T. No checks are made.
     """
     n = x.size
-    inverse = np.empty((n, n))
-    if not _invert(P_predicted, inverse):
+    ahead, dx, out = np.empty(n), np.empty(n), np.empty((n, n))
+    for i in range(n):
+        ahead[i] = x_next[i] - x_predicted[i]
+    if not smooth(P, Phi, P_predicted, P_next, ahead, dx, out):
         return False
-    PPhiT = np.zeros((n, n))
     for i in range(n):
+        x[i] += dx[i]
         for j in range(n):
-            for k in range(n):
-                PPhiT[i, j] += P[i, k] * Phi[j, k]
-    G = np.zeros((n, n))
-    for i in range(n):
-        for k in range(n):
-            for j in range(n):
-                G[i, j] += PPhiT[i, k] * inverse[k, j]
-    GD = np.zeros((n, n))
-    for i in range(n):
-        for k in range(n):
-            for j in range(n):
-                GD[i, j] += G[i, k] * (P_next[k, j] - P_predicted[k, j])
-    for i in range(n):
-        for k in range(n):
-            x[i] += G[i, k] * (x_next[k] - x_predicted[k])
-        for j in range(i + 1):
-            v = P[i, j]
-            for k in range(n):
-                v += GD[i, k] * G[j, k]
-            P[i, j] = v
-            P[j, i] = v
+            P[i, j] = out[i, j]
     return True
