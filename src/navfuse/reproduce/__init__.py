@@ -21,7 +21,7 @@ class Entry(NamedTuple):
     Attributes
     ----------
     module : str
-        Below this package.
+        Below this package, or "module:function"; the function is ``run`` otherwise.
     title : str
     data : str
         Folder of published data that it reads, "" for none.
@@ -34,6 +34,8 @@ class Entry(NamedTuple):
 
 STUDIES = {
     "ins-gps-thesis": Entry("ins_gps_thesis", "Simple EKF and Full EKF on a flight of 300 s (thesis, Brno 2013)"),
+    "gyro-magnetometer": Entry("attitude_systems:heading", "Heading from a gyro and a compass, two states (lecture)"),
+    "ahrs": Entry("attitude_systems:ahrs", "Attitude and heading reference beside VQF", "broad"),
 }
 """Name -> study."""
 
@@ -58,5 +60,6 @@ def reproduce(name: str, wishes: Wishes | None = None) -> Study:
         close = nearest(name, list(STUDIES))
         advice = f"is {close!r} meant?" if close else f"there are {', '.join(STUDIES)}"
         raise ConfigError(f"there is no study {name!r}; {advice}")
-    module = import_module(f"navfuse.reproduce.{STUDIES[name].module}")
-    return module.run(Wishes() if wishes is None else wishes)
+    module, _, function = STUDIES[name].module.partition(":")
+    run = getattr(import_module(f"navfuse.reproduce.{module}"), function or "run")
+    return run(Wishes() if wishes is None else wishes)

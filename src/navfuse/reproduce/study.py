@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from navfuse.errors import ConfigError, InputError
 from navfuse.io.atomic import atomic_folder
 from navfuse.io.json_file import write_json
 from navfuse.report.study_figures import Picture, draw
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Progress = Callable[[str, float], None]
 
@@ -116,8 +119,8 @@ class Study:
     source : str
         What was published, and where.
     tables : tuple of Table
-    pictures : dict of str to Picture
-        By the name of their file.
+    pictures : dict of str to Picture or Figure
+        By the name of their file; described as data, or drawn already.
     notes : tuple of str
         What the figures say, and what differs from the publication.
     numbers : dict
@@ -128,7 +131,7 @@ class Study:
     title: str
     source: str
     tables: tuple[Table, ...]
-    pictures: Mapping[str, Picture] = field(default_factory=dict)
+    pictures: Mapping[str, Picture | Figure] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
@@ -149,12 +152,12 @@ class Study:
         written = [f"{self.name}.md", f"{self.name}.json"]
         with atomic_folder(folder) as staging:
             page = [f"# {self.title}", f"After {self.source}.", *(table.markdown() for table in self.tables)]
-            page += [f"![{picture.title}]({name}.{formats[0]})" for name, picture in self.pictures.items()]
+            page += [f"![{name}]({name}.{formats[0]})" for name in self.pictures]
             page += ["\n".join(f"* {note}" for note in self.notes)] * bool(self.notes)
             (staging / written[0]).write_text("\n\n".join(page) + "\n", encoding="utf-8")
             write_json(staging / written[1], {"study": self.name, "source": self.source, **self.numbers})
             for name, picture in self.pictures.items():
-                figure = draw(picture)
+                figure = draw(picture) if isinstance(picture, Picture) else picture
                 for format_ in formats:
                     figure.savefig(staging / f"{name}.{format_}")
                     written.append(f"{name}.{format_}")
