@@ -129,8 +129,8 @@ def test_joint_fields_of_the_group_common():
 
 
 FIX = ["time.gps_tow_ns", "time.gps_week", "gnss1.tow_ns", "gnss1.week", "gnss1.fix",
-       "gnss1.n_satellites",
-       "gnss1.position_deg_deg_m", "gnss1.velocity_n_mps", "gnss1.sd_position_n_m", "gnss1.sd_velocity_mps"]  # fmt: skip
+       "gnss1.n_satellites", "gnss1.position_deg_deg_m", "gnss1.velocity_n_mps", "gnss1.sd_position_n_m",
+       "gnss1.sd_velocity_mps"]  # fmt: skip
 
 
 def fixes():
