@@ -12,8 +12,9 @@ from navfuse.errors import InputError
 Array = np.ndarray
 
 MIN_TURN = np.pi / 2.0
-"""Turning [rad] in all, back and forth, below which yaw and gyro cannot be compared."""
+"""Turning [rad] in all, back and forth, in strides of 5 deg and more, below which yaw and gyro cannot be compared."""
 _STRIDE = 0.5
+_LEAST = np.radians(5.0)
 _FAR = 3.0
 
 
@@ -79,8 +80,8 @@ def check_yaw_against_gyro(time: ArrayLike, gyro_z: ArrayLike, yaw: ArrayLike) -
 
     Notes
     -----
-    Slope of a line through zero over strides of half a second, yaw against gyro, both ways weighted alike, from the
-    second moments of both.
+    Slope of a line through zero, yaw against gyro, from the second moments of both, over strides of half a second in
+    which the gyro turned by 5 deg or more: a straight road tells nothing.
     """
     t = times_of("time", time)
     rate = rows_of("gyro_z", gyro_z, (), t.size)
@@ -94,6 +95,8 @@ def check_yaw_against_gyro(time: ArrayLike, gyro_z: ArrayLike, yaw: ArrayLike) -
     grid = np.arange(t[known][0], t[known][-1], _STRIDE)
     by_gyro = np.diff(np.interp(grid, t[known], turned))
     by_yaw = np.diff(np.interp(grid, t[known], np.unwrap(psi[known], period=turn)))
+    turning = np.abs(by_gyro) > _LEAST
+    by_gyro, by_yaw = by_gyro[turning], by_yaw[turning]
     if np.abs(by_gyro).sum() < MIN_TURN:
         return None
     if np.abs(by_yaw).sum() == 0.0:

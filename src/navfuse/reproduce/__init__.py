@@ -34,6 +34,7 @@ class Entry(NamedTuple):
 
 STUDIES = {
     "ins-gps-thesis": Entry("ins_gps_thesis", "Simple EKF and Full EKF on a flight of 300 s (thesis, Brno 2013)"),
+    "first-ins-gnss": Entry("planar_tutorial", "A first INS/GNSS in the plane (tutorial, NASA 2015)"),
 }
 """Name -> study."""
 
