@@ -36,7 +36,7 @@ def run(wishes: Wishes) -> Study:
     """The study; real data too if their folder is given."""
     runs = wishes.number_of_runs(RUNS)
     found_yaw: dict[str, list[tuple[float, float]]] = {_WITHOUT: [], _DECLINED: [], _CALIBRATED: []}
-    found_position: dict[str, list[float]] = {}
+    found_position: dict[str, list[tuple[float, float]]] = {}
     claimed, pictures = [], {}
     for k in range(runs):
         drive = model_car(wishes.seed + k)
@@ -45,8 +45,9 @@ def run(wishes: Wishes) -> Study:
             found_yaw[name].append((rms(yaw_error(both.first, drive)) * DEG, rms(yaw_error(both.second, drive)) * DEG))
         both = yaws(drive)
         full = track(drive, both.second)
-        for name, position in _positions(drive, both, full).items():
-            found_position.setdefault(name, []).append(rms_length(position - drive.position))
+        for name, (position, velocity) in _positions(drive, both, full).items():
+            speed = np.nan if velocity is None else rms_length(velocity - drive.velocity)
+            found_position.setdefault(name, []).append((rms_length(position - drive.position), speed))
         claimed.append(float(np.mean(((full.position - drive.position) / full.sd_position) ** 2)))
         if k == 0:
             pictures = _pictures(drive)
@@ -58,7 +59,10 @@ def run(wishes: Wishes) -> Study:
     numbers = {
         "runs": runs,
         "yaw_rms_deg": {name: np.sqrt(np.mean(np.square(v), axis=0)).tolist() for name, v in found_yaw.items()},
-        "position_rms_m": {name: rms(np.array(v)) for name, v in found_position.items()},
+        "position_rms_m": {name: rms(np.array(v)[:, 0]) for name, v in found_position.items()},
+        "velocity_rms_mps": {
+            name: rms(np.array(v)[:, 1]) for name, v in found_position.items() if np.isfinite(v[0][1])
+        },
     }
     if wishes.data is not None:
         table, drawn, found, more = real_logs(wishes)
@@ -87,17 +91,19 @@ NOTES = (
 )
 
 
-def _positions(drive: Drive, both: Yaws, full: PlanarTrack) -> dict[str, Array]:
-    return {
-        "1: dead reckoned": dead_reckoned(drive, both.first),
-        "2: dead reckoned": dead_reckoned(drive, both.second),
-        "3: filter, GPS at 5 Hz": full.position,
-        "GPS at 5 Hz alone, last fix held": held(drive),
-        "GPS at 5 Hz, filter without accelerations": track(drive, None).position,
-        "3: filter, GPS at 1 Hz": track(drive, both.second, SPARSE).position,
-        "GPS at 1 Hz alone, last fix held": held(drive, SPARSE),
-        "GPS at 1 Hz, filter without accelerations": track(drive, None, SPARSE).position,
+def _positions(drive: Drive, both: Yaws, full: PlanarTrack) -> dict[str, tuple[Array, Array | None]]:
+    """Positions, and velocities where there are any, of everything that is compared."""
+    found: dict[str, tuple[Array, Array | None]] = {
+        "1: dead reckoned": (dead_reckoned(drive, both.first), None),
+        "2: dead reckoned": (dead_reckoned(drive, both.second), None),
     }
+    for rate, every in (("5 Hz", 1), ("1 Hz", SPARSE)):
+        ours = full if every == 1 else track(drive, both.second, every)
+        bare = track(drive, None, every)
+        found[f"3: filter, GPS at {rate}"] = ours.position, ours.velocity
+        found[f"GPS at {rate} alone, last fix held"] = held(drive, every), None
+        found[f"GPS at {rate}, filter without accelerations"] = bare.position, bare.velocity
+    return found
 
 
 def _yaw_table(found: dict[str, list[tuple[float, float]]], runs: int) -> Table:
@@ -113,11 +119,15 @@ def _yaw_table(found: dict[str, list[tuple[float, float]]], runs: int) -> Table:
     )
 
 
-def _position_table(found: dict[str, list[float]], runs: int) -> Table:
-    rows = [(name, f"{rms(np.array(v)):.2f}", f"{min(v):.2f} .. {max(v):.2f}") for name, v in found.items()]
+def _position_table(found: dict[str, list[tuple[float, float]]], runs: int) -> Table:
+    rows = []
+    for name, pairs in found.items():
+        position, velocity = np.array(pairs).T
+        speed = f"{rms(velocity):.3f}" if np.isfinite(velocity).all() else "-"
+        rows.append((name, f"{rms(position):.2f}", f"{position.min():.2f} .. {position.max():.2f}", speed))
     return Table(
-        f"Horizontal position on the simulated drive: rms over {runs} runs",
-        ("algorithm", "rms m", "single runs m"),
+        f"Horizontal position and velocity on the simulated drive: rms over {runs} runs",
+        ("algorithm", "position m", "single runs m", "velocity m/s"),
         tuple(rows),
     )
 
@@ -130,11 +140,10 @@ def _pictures(drive: Drive) -> dict[str, Picture]:
 
     def panel(low: float, high: float, unwrapped: bool) -> Panel:
         at = (t >= low) & (t <= high)
-        turn = np.unwrap if unwrapped else lambda a: np.angle(np.exp(1j * a))
-        curves = [
-            Curve(name, t[at], turn(yaw[at]) * DEG)
-            for name, yaw in (("Algorithm 1", both.first), ("Algorithm 2", both.second), ("truth", drive.yaw))
-        ]
+        curves = []
+        for name, yaw in (("Algorithm 1", both.first), ("Algorithm 2", both.second), ("truth", drive.yaw)):
+            shown = drive.yaw + yaw_error(yaw, drive) if unwrapped else np.angle(np.exp(1j * yaw))
+            curves.append(Curve(name, t[at], shown[at] * DEG))
         return Panel("time [s]", "yaw [deg]", tuple(curves), "unwrapped" if unwrapped else "wrapped")
 
     offset = tuple(
@@ -144,7 +153,7 @@ def _pictures(drive: Drive) -> dict[str, Picture]:
     guide = Curve("minus declination", t[[0, -1]], np.full(2, -drive.declination * DEG), "guide")
     return {
         "yaw": Picture("Yaw: wrapped, unwrapped, a closer look",
-                       (panel(t[0], t[-1], False), panel(t[0], t[-1], True), panel(100.0, 110.0, True))),
+                       (panel(t[0], t[-1], False), panel(t[0], t[-1], True), panel(34.0, 40.0, True))),
         "declination": Picture("Yaw minus truth: a compass points to magnetic north",
                                (Panel("time [s]", "yaw error [deg]", (*offset, guide)),), row_in=2.8),
         "velocity": Picture("Velocity east and north", tuple(
