@@ -44,6 +44,40 @@ def test_sentence_of_a_real_sensor():
     assert np.isnan(found.stamp).all()
 
 
+@pytest.mark.parametrize(
+    ("line", "name", "value"),
+    [
+        (
+            "$VNYMR,+104.977,+004.548,-001.276,-00.8012,-02.7376,+01.0070,+00.837,+00.235,-10.414,-00.002081,-00.001151,"
+            "+00.002113*61",
+            "imu.gyro_radps",
+            [-0.002081, -0.001151, 0.002113],
+        ),
+        (
+            "$VNGPS,342123.000168,1890,3,05,+34.61463270,-112.45087270,+01559.954,+000.450,+000.770,-001.290,+002.940,"
+            "+005.374,+007.410,+001.672,2.10E-08*23",
+            "gnss1.position_deg_deg_m",
+            [34.61463270, -112.45087270, 1559.954],
+        ),
+        (
+            "$VNGPS,342123.000168,1890,3,05,+34.61463270,-112.45087270,+01559.954,+000.450,+000.770,-001.290,+002.940,"
+            "+005.374,+007.410,+001.672,2.10E-08*23",
+            "gnss1.tow_ns",
+            342123000168000,
+        ),
+        (
+            "$VNINS,000241.350006,0000,8080,-051.757,+019.129,+047.031,+00.00000000,+000.00000000,+00000.000,+000.000,"
+            "+000.000,+000.000,90.0,00.0,0.00*6F",
+            "ins.status",
+            0x8080,
+        ),
+    ],
+)
+def test_sentences_that_users_of_such_sensors_have_published(line, name, value):
+    (found,) = quiet(line).messages.values()
+    np.testing.assert_array_equal(found.values[name][0], value)
+
+
 def test_checksums():
     assert sentence(REAL[1:6], REAL[7:-3]) == REAL
     # Check value of CRC-16 with polynomial 0x1021 and start 0 ("XMODEM"): 0x31C3 for 123456789.
