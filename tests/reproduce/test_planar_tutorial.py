@@ -100,6 +100,10 @@ def test_real_logs(shared_data):
     assert car["velocity_3_mps"] < 1.0
     assert len(table.rows) == sum(map(len, found.values()))
     assert len(pictures) == 3
+    study = reproduce("first-ins-gnss", Wishes(shared_data, runs=1))
+    assert study.numbers["real_data"] == found
+    assert set(pictures) < set(study.pictures)
+    assert study.tables[-1] == table
 
 
 def test_axes_of_the_phone(phone):

@@ -108,7 +108,7 @@ def complementary_attitude(
     if not np.isfinite(rate[1:]).all():
         row = int(np.argmin(np.isfinite(rate[1:]).all(axis=1))) + 2
         raise InputError(f"gyro: row {row} is not finite; leave such rows out")
-    known = np.isfinite(measured).all(axis=(1, 2))
+    known = np.array(np.isfinite(measured).all(axis=(1, 2)), dtype=bool)
     if start is None and not known.any():
         raise InputError("dcm: no row holds an attitude; give the start")
     first = measured[np.argmax(known)] if start is None else np.asarray(start, dtype=float)

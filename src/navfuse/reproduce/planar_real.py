@@ -49,7 +49,7 @@ def real_logs(wishes: Wishes) -> tuple[Table, dict[str, Picture], dict[str, dict
     phone, circles = phone_in_a_car(wishes), sensor_in_circles(wishes)
     found: dict[str, dict[str, float]] = {}
     drawn: dict[str, Picture] = {}
-    notes = list(REAL_NOTES)
+    notes: list[str] = [*REAL_NOTES]
     for name, drive, iron in (
         (COMMA, phone, False),
         (VN100, circles, False),

@@ -35,6 +35,7 @@ _CALIBRATED = "declination added, iron removed"
 def run(wishes: Wishes) -> Study:
     """The study; real data too if their folder is given."""
     runs = wishes.number_of_runs(RUNS)
+    real = None if wishes.data is None else real_logs(wishes)
     found_yaw: dict[str, list[tuple[float, float]]] = {_WITHOUT: [], _DECLINED: [], _CALIBRATED: []}
     found_position: dict[str, list[tuple[float, float]]] = {}
     claimed, pictures = [], {}
@@ -64,8 +65,8 @@ def run(wishes: Wishes) -> Study:
             name: rms(np.array(v)[:, 1]) for name, v in found_position.items() if np.isfinite(v[0][1])
         },
     }
-    if wishes.data is not None:
-        table, drawn, found, more = real_logs(wishes)
+    if real is not None:
+        table, drawn, found, more = real
         tables.append(table)
         pictures |= drawn
         numbers["real_data"] = found
