@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -13,29 +13,25 @@ import numpy as np
 from navfuse.core.earth import ecef_to_geodetic_batch
 from navfuse.core.rotation import euler_from_quat_batch
 from navfuse.data.aiding_logs import MagnetometerLog
-from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.trajectory import Trajectory, wrapped
-from navfuse.errors import ConfigError, InputError, NavfuseWarning
+from navfuse.errors import InputError, NavfuseWarning
 from navfuse.io.gnss_rows import GnssNames, GnssRows, gnss_log
-from navfuse.io.gps_time import WEEK
 from navfuse.io.imu_plausibility import check_imu_units
 from navfuse.io.imu_table import body_from_file
-from navfuse.io.repair import check_isolated, time_order
 from navfuse.io.tables import check_file
 from navfuse.io.vectornav_ascii import EXTENSIONS as ASCII_EXTENSIONS
 from navfuse.io.vectornav_ascii import read_vectornav_ascii
 from navfuse.io.vectornav_binary import EXTENSIONS as BINARY_EXTENSIONS
 from navfuse.io.vectornav_binary import is_vectornav_binary, read_vectornav_binary
 from navfuse.io.vectornav_messages import Messages, VectorNavLog
+from navfuse.io.vectornav_times import Clock, clock_of, epoch_of, finite_rows, row_names, timed_rows
 
 Array = np.ndarray
-Clock = Literal["auto", "gps", "file", "startup"]
 
 FIX_NAMES = {0: "none", 1: "none", 2: "single", 3: "single", 4: "sbas", 7: "rtk-float", 8: "rtk-fixed"}
 """Fix of the receiver -> fix type. A fix of the time alone (1) is none."""
 GAUSS = 1e-4
-_NS = 1e-9
 _RATES = (
     ("imu.uncomp_gyro_radps", "imu.uncomp_accel_mps2"),
     ("imu.gyro_radps", "imu.accel_mps2"),
@@ -122,8 +118,8 @@ def vectornav_imu(
         names = ["delta theta"] * 3 + ["delta velocity"] * 3
     else:
         messages, gyro, accel, names = _rates(log)
-    time, keep, notes = _rows(log, messages, "time", clock, rate_hz)
-    time, keep = _finite(log, messages, np.hstack((gyro, accel)), time, keep, notes, increments)
+    time, keep, notes = timed_rows(log, messages, "time", clock, rate_hz)
+    time, keep = finite_rows(log, messages, np.hstack((gyro, accel)), time, keep, notes, increments)
     gyro, accel = gyro[keep] @ matrix.T, accel[keep] @ matrix.T
     kind: Literal["rates", "increments"] = "increments" if increments else "rates"
     if not increments and names[0].startswith(("imu.gyro", "common.gyro")):
@@ -143,9 +139,9 @@ def vectornav_magnetometer(
     """Magnetic field, with the sensor's iron corrections where it gives both; see :func:`vectornav_imu`."""
     messages, name = _with(log, [(name,) for name in (*_MAGNETS, "common.mag_gauss_temp_degc_pressure_kpa")], "field")
     matrix = body_from_file(axes, rotation)
-    time, keep, notes = _rows(log, messages, "time", clock, rate_hz)
+    time, keep, notes = timed_rows(log, messages, "time", clock, rate_hz)
     field = np.asarray(messages.values[name[0]], dtype=float)[:, :3] * GAUSS
-    time, keep = _finite(log, messages, field, time, keep, notes)
+    time, keep = finite_rows(log, messages, field, time, keep, notes)
     return _warned(MagnetometerLog(time, field[keep] @ matrix.T, log.source, tuple(notes)))
 
 
@@ -153,9 +149,9 @@ def vectornav_attitude(log: VectorNavLog, *, rate_hz: float | None = None, clock
     """Attitude of the sensor axes, from yaw, pitch and roll or else the quaternion; see :func:`vectornav_imu`."""
     wanted = [("attitude.ypr_deg",), ("common.ypr_deg",), ("attitude.quaternion_xyzw",), ("common.quaternion_xyzw",)]
     messages, _ = _with(log, wanted, "attitude")
-    time, keep, notes = _rows(log, messages, "time", clock, rate_hz)
+    time, keep, notes = timed_rows(log, messages, "time", clock, rate_hz)
     euler = _euler(messages)
-    time, keep = _finite(log, messages, euler, time, keep, notes)
+    time, keep = finite_rows(log, messages, euler, time, keep, notes)
     return _warned(AttitudeLog(time, euler[keep], log.source, tuple(notes)))
 
 
@@ -168,7 +164,7 @@ def vectornav_gnss(log: VectorNavLog, *, receiver: Literal[1, 2] = 1, clock: Clo
     group = f"gnss{receiver}"
     wanted = [(f"{group}.position_deg_deg_m",), (f"{group}.position_e_m",)]
     messages, name = _with(log, wanted, f"position of receiver {receiver}")
-    time, keep, notes = _rows(log, messages, group, clock, None)
+    time, keep, notes = timed_rows(log, messages, group, clock, None)
     values = messages.values
     lat, lon, height = _geodetic(np.asarray(values[name[0]], dtype=float)[keep], name[0])
 
@@ -190,9 +186,9 @@ def vectornav_gnss(log: VectorNavLog, *, receiver: Literal[1, 2] = 1, clock: Clo
         fix=None if codes is None else np.array([FIX_NAMES.get(int(c), "") for c in np.asarray(codes)[keep]]),
         n_satellites=None if satellites is None else satellites[:, 0],
     )
-    tell = _where(messages, keep)
+    tell = row_names(messages, keep)
     found = gnss_log(rows, GnssNames(lat="latitude", lon="longitude", height="altitude"), log.source, tell, notes)
-    epoch = _epoch(log) if _clock(log, messages, group, clock) == "gps" else None
+    epoch = epoch_of(log) if clock_of(log, messages, group, clock) == "gps" else None
     return _warned(GnssLog(**{**_fields(found), "epoch": epoch}))
 
 
@@ -206,7 +202,7 @@ def vectornav_trajectory(log: VectorNavLog, *, rate_hz: float | None = None, clo
     """
     wanted = [("ins.position_deg_deg_m",), ("ins.position_e_m",), ("common.position_deg_deg_m",)]
     messages, name = _with(log, wanted, "position of the sensor's filter")
-    time, keep, notes = _rows(log, messages, "time", clock, rate_hz)
+    time, keep, notes = timed_rows(log, messages, "time", clock, rate_hz)
     place = np.asarray(messages.values[name[0]], dtype=float)[keep]
     known = np.any(place[:, :2] != 0.0, axis=1)
     if np.count_nonzero(known) < 2:
@@ -257,138 +253,6 @@ def _with(log: VectorNavLog, wanted: Sequence[tuple[str, ...]], what: str) -> tu
     return messages, names
 
 
-def _rows(
-    log: VectorNavLog, messages: Messages, group: str, clock: Clock, rate_hz: float | None
-) -> tuple[Array, Array, list[str]]:
-    """Increasing times [s] of messages, which rows they are, and what was left out.
-
-    `group` is that of the fields with GPS time.
-    """
-    notes: list[str] = []
-    chosen = _clock(log, messages, group, clock, rate_hz)
-    if chosen == "rate":
-        if rate_hz is None:
-            raise InputError(
-                f"{log.source}: {messages.kind} has no time, neither in the message nor in front of it; give its rate"
-                " with rate_hz"
-            )
-        if not (np.isfinite(rate_hz) and rate_hz > 0.0):
-            raise ConfigError(f"rate_hz = {rate_hz} has to be a positive number of messages per second")
-        notes.append(
-            f"{log.source}: the times of {messages.kind} are counted with the stated {rate_hz:g} Hz from 0; messages"
-            " that left no trace shift all that follow"
-        )
-        return messages.index / rate_hz, np.arange(len(messages)), notes
-    time = {
-        "file": lambda: messages.stamp,
-        "startup": lambda: _startup(messages),
-        "gps": lambda: _gps(log, messages, group),
-    }
-    stamps = time[chosen]()
-    keep = np.flatnonzero(np.isfinite(stamps))
-    if keep.size < len(messages):
-        notes.append(f"{log.source}: {len(messages) - keep.size} of {len(messages)} {messages.kind} had no time yet")
-    if group != "time" and keep.size:
-        # A receiver's fix is sent again with every packet until the next one.
-        new = _first_sent(messages, group, stamps, keep)
-        keep = keep[new]
-    order = time_order(stamps[keep], "time", log.source, _where(messages, keep)) if keep.size else None
-    if order is not None:
-        keep = keep[order.order[order.first]]
-        notes.append(f"{order.note}: sorted by time, the first row of each stamp kept")
-    if keep.size < 2:
-        raise InputError(
-            f"{log.source}: {keep.size} of {len(messages)} {messages.kind} have a time; at least two are needed"
-        )
-    return stamps[keep], keep, notes
-
-
-def _finite(
-    log: VectorNavLog,
-    messages: Messages,
-    values: Array,
-    time: Array,
-    keep: Array,
-    notes: list[str],
-    whole: bool = False,
-) -> tuple[Array, Array]:
-    """Times and rows without those that are NaN or infinite; none may be if the log has to be `whole`."""
-    bad = np.logical_not(np.all(np.isfinite(values[keep]), axis=1))
-    if not bad.any():
-        return time, keep
-    tell = _where(messages, keep)
-    if whole:
-        raise InputError(
-            f"{log.source}: {tell(int(np.argmax(bad)))} holds NaN or infinite increments, whose motion is lost; read"
-            " the rates instead"
-        )
-    check_isolated(bad, log.source, tell, "NaN or infinite values")
-    notes.append(f"{log.source}: {np.count_nonzero(bad)} rows with NaN or infinite values were left out")
-    return time[~bad], keep[~bad]
-
-
-def _clock(log: VectorNavLog, messages: Messages, group: str, clock: Clock, rate_hz: float | None = None) -> str:
-    there = {
-        "file": bool(np.isfinite(messages.stamp).any()),
-        "gps": _gps_ns(messages, group) is not None,
-        "startup": any(name.endswith("time_startup_ns") for name in messages.values),
-    }
-    if clock == "auto":
-        return "rate" if rate_hz is not None else next((name for name, has in there.items() if has), "rate")
-    if clock not in there:
-        raise ConfigError(f"clock = {clock!r} has to be 'auto', {', '.join(map(repr, there))}")
-    if not there[clock]:
-        raise InputError(f"{log.source}: {messages.kind} has no time of the clock {clock!r}; leave it to 'auto'")
-    return clock
-
-
-def _startup(messages: Messages) -> Array:
-    name = next(name for name in messages.values if name.endswith("time_startup_ns"))
-    return np.asarray(messages.values[name]) * _NS
-
-
-def _gps_ns(messages: Messages, group: str) -> tuple[Array, Array] | None:
-    """GPS week and nanoseconds of the week, week 0 where it is not known; None if the messages have none."""
-    values = messages.values
-    for place, tow, week in ((group, "tow_ns", "week"), ("time", "gps_tow_ns", "gps_week")):
-        names = f"{place}.{tow}", f"{place}.{week}"
-        if all(name in values for name in names):
-            found = np.asarray(values[names[1]]).astype(np.int64), np.asarray(values[names[0]]).astype(np.int64)
-            if found[0].any():
-                return found
-    for name in ("time.time_gps_ns", "common.time_gps_ns"):
-        if name in values:
-            weeks, rest = np.divmod(np.asarray(values[name]).astype(np.int64), int(WEEK / _NS + 0.5))
-            if weeks.any():
-                return weeks, rest
-    return None
-
-
-def _gps(log: VectorNavLog, messages: Messages, group: str) -> Array:
-    found = _gps_ns(messages, group)
-    assert found is not None
-    weeks, rest = found
-    return np.where(weeks > 0, (weeks - _epoch(log).week) * WEEK + rest * _NS, np.nan)
-
-
-def _epoch(log: VectorNavLog) -> GpsEpoch:
-    """Start of the first GPS week that any message tells: one for all logs of a file."""
-    weeks = [
-        found[0][found[0] > 0].min()
-        for messages in log.messages.values()
-        for group in ("time", "gnss1", "gnss2")
-        if (found := _gps_ns(messages, group)) is not None
-    ]
-    return GpsEpoch.of(int(min(weeks)), 0.0)
-
-
-def _first_sent(messages: Messages, group: str, stamps: Array, keep: Array) -> Array:
-    """Rows of `keep` whose fix was not in the row before."""
-    tow = messages.values.get(f"{group}.tow_ns")
-    same = stamps if tow is None else np.asarray(tow)
-    return np.concatenate(([True], np.diff(same[keep].astype(float)) != 0.0))
-
-
 def _euler(messages: Messages) -> Array:
     values = messages.values
     for name in ("attitude.ypr_deg", "common.ypr_deg"):
@@ -415,10 +279,6 @@ def _geodetic(place: Array, name: str) -> tuple[Array, Array, Array]:
 
 def _positive(sd: Array | None) -> Array | None:
     return None if sd is None else np.where(sd > 0.0, sd, np.nan)
-
-
-def _where(messages: Messages, keep: Array) -> Callable[[int], str]:
-    return lambda row: f"{messages.kind} number {int(messages.index[keep[row]]) + 1}"
 
 
 def _fields(log: GnssLog) -> dict[str, Any]:

@@ -139,13 +139,13 @@ def _pictures(drive: Drive) -> dict[str, Picture]:
     full, sparse = track(drive, both.second), track(drive, both.second, SPARSE)
     t = drive.time
 
-    def panel(low: float, high: float, unwrapped: bool) -> Panel:
+    def panel(title: str, low: float, high: float, unwrapped: bool) -> Panel:
         at = (t >= low) & (t <= high)
         curves = []
         for name, yaw in (("Algorithm 1", both.first), ("Algorithm 2", both.second), ("truth", drive.yaw)):
             shown = drive.yaw + yaw_error(yaw, drive) if unwrapped else np.angle(np.exp(1j * yaw))
             curves.append(Curve(name, t[at], shown[at] * DEG))
-        return Panel("time [s]", "yaw [deg]", tuple(curves), "unwrapped" if unwrapped else "wrapped")
+        return Panel("time [s]", "yaw [deg]", tuple(curves), title)
 
     offset = tuple(
         Curve(name, t, yaw_error(yaw, drive) * DEG)
@@ -154,7 +154,8 @@ def _pictures(drive: Drive) -> dict[str, Picture]:
     guide = Curve("minus declination", t[[0, -1]], np.full(2, -drive.declination * DEG), "guide")
     return {
         "yaw": Picture("Yaw: wrapped, unwrapped, a closer look",
-                       (panel(t[0], t[-1], False), panel(t[0], t[-1], True), panel(34.0, 40.0, True))),
+                       (panel("wrapped", t[0], t[-1], False), panel("unwrapped", t[0], t[-1], True),
+                        panel("closer", 34.0, 40.0, True))),
         "declination": Picture("Yaw minus truth: a compass points to magnetic north",
                                (Panel("time [s]", "yaw error [deg]", (*offset, guide)),), row_in=2.8),
         "velocity": Picture("Velocity east and north", tuple(
