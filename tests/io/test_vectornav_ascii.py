@@ -127,6 +127,15 @@ def test_broken_and_foreign_sentences_are_counted_and_reported_once(tmp_path):
     assert len(log.notes) == 1
 
 
+@pytest.mark.parametrize("value", ["nan", "inf", "1e300", "-1e9"])
+def test_a_time_that_is_no_number_breaks_a_sentence(value):
+    good = "1000,2200,3,9,48,9,300,0,0,0,1,1,1,0.1,1e-8"
+    lines = [sentence("VNGPS", good), sentence("VNGPS", good.replace("1000", value, 1))]
+    log = parse_sentences("\n".join(lines).encode(), "log")
+    assert log.counts() == {"VNGPS": 1}
+    assert log.damage.cut == 1
+
+
 def test_a_sentence_that_a_later_one_cuts_off_costs_only_itself():
     log = parse_sentences((REAL[:30] + REAL_NEXT + "\n" + REAL).encode(), "log")
     assert log.counts() == {"VNYMR": 2}

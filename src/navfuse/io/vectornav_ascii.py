@@ -34,6 +34,7 @@ _APPENDED = re.compile(rb"[CTSP][0-9A-Fa-f]+")
 _TIME_NAMES = {"t", "time", "timestamp", "stamp", "secs", "seconds"}
 _TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _UNIX = 1e9
+_ABSURD = 1e9
 _MIN_SHARE = 0.99
 
 
@@ -175,6 +176,9 @@ def _numbers(header: str, text: bytes) -> list[float] | None:
         for name, count in names:
             row += [float(int(part, 16)) if name in HEXADECIMAL else float(part) for part in parts[at : at + count]]
             at += count
+            # Times, weeks and counts have to be numbers; of a vector the logs leave out what is not.
+            if count == 1 and not abs(row[-1]) < _ABSURD:
+                return None
     except ValueError:
         return None
     return row
