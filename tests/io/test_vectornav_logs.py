@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from navfuse.core.earth import geodetic_to_ecef
 from navfuse.core.rotation import quat_from_euler
@@ -12,6 +14,7 @@ from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.errors import ConfigError, InputError, NavfuseWarning
 from navfuse.io.vectornav_ascii import parse_sentences, read_vectornav_ascii, sentence
 from navfuse.io.vectornav_binary import layout_of, packet, parse_packets
+from navfuse.io.vectornav_fields import GROUPS, fixed_type
 from navfuse.io.vectornav_logs import (
     read_vectornav,
     vectornav_attitude,
@@ -22,6 +25,7 @@ from navfuse.io.vectornav_logs import (
 )
 from reference.vectornav_container import real_packets
 
+FIXED = [f"{group}.{f.name}" for group, fields in GROUPS.values() for f in fields.values() if f.rows is None]
 WEEK_NS = 604_800_000_000_000
 LEVEL = "0.01,-0.02,-9.8"
 
@@ -194,7 +198,7 @@ def test_what_a_file_does_not_hold():
     with pytest.raises(InputError, match="position of receiver 2"):
         vectornav_gnss(log, receiver=2)
     late = fixes()[2:4]
-    with pytest.raises(InputError, match=r"1 of 2 fa .* have a time; at least two"):
+    with pytest.raises(InputError, match=r"1 of 2 fa .* can be used; at least two"):
         vectornav_gnss(packets(FIX, late))
 
 
@@ -212,6 +216,46 @@ def test_not_a_number_is_left_out_if_it_is_rare():
     steps = [f"{k} {sentence('VNDTV', f'1,0,0,{value},0,0,-9.8')}" for k, value in enumerate((0, "inf", 0))]
     with pytest.raises(InputError, match="VNDTV number 2 holds NaN or infinite increments"):
         vectornav_imu(sentences(steps), increments=True)
+
+
+@settings(max_examples=150)
+@given(
+    names=st.sets(st.sampled_from(FIXED), min_size=3, max_size=20),
+    rows=st.integers(1, 7),
+    noise=st.floats(0.0, 1.0),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_packets_of_any_content_give_a_log_or_a_message(names, rows, noise, seed):
+    """Every bit pattern behind a right checksum: NaN, infinite and absurd numbers, weeks that cannot be, zeros."""
+    rng = np.random.default_rng(seed)
+    layout = layout_of(sorted(names))
+    data = b""
+    for _ in range(rows):
+        values = {}
+        for name, field in layout.fields:
+            kind = fixed_type(field)
+            content = rng.bytes(kind.itemsize) if rng.random() < noise else bytes(kind.itemsize)
+            values[name] = np.frombuffer(content, kind.base, field.count).reshape(kind.shape)
+        data += packet(layout, values)
+    log = parse_packets(data, "log")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NavfuseWarning)
+        for read in (vectornav_imu, vectornav_magnetometer, vectornav_attitude, vectornav_trajectory, vectornav_gnss):
+            try:
+                found = read(log)
+            except InputError:
+                continue
+            assert (np.diff(found.time) > 0.0).all()
+            if read in (vectornav_imu, vectornav_attitude):
+                assert np.isfinite(found.gyro if read is vectornav_imu else found.attitude).all()
+
+
+def test_a_filter_that_was_not_initialised_has_no_attitude():
+    rows = [(10**7 * k, [0, 0, 0, 0] if k < 2 else [0, 0, 0.6, 0.8]) for k in range(300)]
+    log = packets(["time.time_startup_ns", "attitude.quaternion_xyzw"], rows)
+    with pytest.warns(NavfuseWarning, match="2 rows with NaN"):
+        attitude = vectornav_attitude(log)
+    np.testing.assert_allclose(attitude.attitude[:, 2], 2.0 * np.arctan2(0.6, 0.8), rtol=1e-6)
 
 
 def test_either_protocol_by_its_content(tmp_path):

@@ -25,7 +25,7 @@ from navfuse.io.vectornav_ascii import read_vectornav_ascii
 from navfuse.io.vectornav_binary import EXTENSIONS as BINARY_EXTENSIONS
 from navfuse.io.vectornav_binary import is_vectornav_binary, read_vectornav_binary
 from navfuse.io.vectornav_messages import Messages, VectorNavLog
-from navfuse.io.vectornav_times import Clock, clock_of, epoch_of, finite_rows, row_names, timed_rows
+from navfuse.io.vectornav_times import Clock, clock_of, epoch_of, finite_rows, numbers, row_names, timed_rows
 
 Array = np.ndarray
 
@@ -37,6 +37,7 @@ _RATES = (
     ("imu.gyro_radps", "imu.accel_mps2"),
     ("common.gyro_radps", "common.accel_mps2"),
 )
+_ATTITUDES = ("attitude.ypr_deg", "common.ypr_deg", "attitude.quaternion_xyzw", "common.quaternion_xyzw")
 _MAGNETS = ("imu.mag_gauss", "imu.uncomp_mag_gauss")
 
 
@@ -140,15 +141,14 @@ def vectornav_magnetometer(
     messages, name = _with(log, [(name,) for name in (*_MAGNETS, "common.mag_gauss_temp_degc_pressure_kpa")], "field")
     matrix = body_from_file(axes, rotation)
     time, keep, notes = timed_rows(log, messages, "time", clock, rate_hz)
-    field = np.asarray(messages.values[name[0]], dtype=float)[:, :3] * GAUSS
+    field = numbers(messages.values[name[0]])[:, :3] * GAUSS
     time, keep = finite_rows(log, messages, field, time, keep, notes)
     return _warned(MagnetometerLog(time, field[keep] @ matrix.T, log.source, tuple(notes)))
 
 
 def vectornav_attitude(log: VectorNavLog, *, rate_hz: float | None = None, clock: Clock = "auto") -> AttitudeLog:
     """Attitude of the sensor axes, from yaw, pitch and roll or else the quaternion; see :func:`vectornav_imu`."""
-    wanted = [("attitude.ypr_deg",), ("common.ypr_deg",), ("attitude.quaternion_xyzw",), ("common.quaternion_xyzw",)]
-    messages, _ = _with(log, wanted, "attitude")
+    messages, _ = _with(log, [(name,) for name in _ATTITUDES], "attitude")
     time, keep, notes = timed_rows(log, messages, "time", clock, rate_hz)
     euler = _euler(messages)
     time, keep = finite_rows(log, messages, euler, time, keep, notes)
@@ -166,11 +166,11 @@ def vectornav_gnss(log: VectorNavLog, *, receiver: Literal[1, 2] = 1, clock: Clo
     messages, name = _with(log, wanted, f"position of receiver {receiver}")
     time, keep, notes = timed_rows(log, messages, group, clock, None)
     values = messages.values
-    lat, lon, height = _geodetic(np.asarray(values[name[0]], dtype=float)[keep], name[0])
+    lat, lon, height = _geodetic(numbers(values[name[0]])[keep], name[0])
 
     def column(field: str, width: int) -> Array | None:
         found = values.get(f"{group}.{field}")
-        return None if found is None else np.asarray(found, dtype=float)[keep].reshape(-1, width)
+        return None if found is None else numbers(found)[keep].reshape(-1, width)
 
     sd_speed = column("sd_velocity_mps", 1)
     codes = values.get(f"{group}.fix")
@@ -203,19 +203,22 @@ def vectornav_trajectory(log: VectorNavLog, *, rate_hz: float | None = None, clo
     wanted = [("ins.position_deg_deg_m",), ("ins.position_e_m",), ("common.position_deg_deg_m",)]
     messages, name = _with(log, wanted, "position of the sensor's filter")
     time, keep, notes = timed_rows(log, messages, "time", clock, rate_hz)
-    place = np.asarray(messages.values[name[0]], dtype=float)[keep]
-    known = np.any(place[:, :2] != 0.0, axis=1)
+    place = numbers(messages.values[name[0]])
+    speeds = [messages.values[n] for n in ("ins.velocity_n_mps", "common.velocity_n_mps") if n in messages.values]
+    velocity = numbers(speeds[0]) if speeds else None
+    attitude = _euler(messages) if any(n in messages.values for n in _ATTITUDES) else None
+    known = np.any(place[keep, :2] != 0.0, axis=1)
+    for part in (place, velocity, attitude):
+        known &= True if part is None else np.isfinite(part[keep]).all(axis=1)
     if np.count_nonzero(known) < 2:
         raise InputError(f"{log.source}: the sensor's filter has no position in it (all zero): it was not initialised")
     if not known.all():
         notes.append(f"{log.source}: {np.count_nonzero(~known)} rows without a position of the filter are left out")
     keep, time = keep[known], time[known]
-    lat, lon, height = _geodetic(place[known], name[0])
-    speeds = [messages.values[n] for n in ("ins.velocity_n_mps", "common.velocity_n_mps") if n in messages.values]
-    attitude = _euler(messages)[keep] if any(n.endswith(("ypr_deg", "_xyzw")) for n in messages.values) else None
     for note in notes:
         warnings.warn(note, NavfuseWarning, stacklevel=2)
-    velocity = np.asarray(speeds[0], dtype=float)[keep] if speeds else None
+    lat, lon, height = _geodetic(place[keep], name[0])
+    velocity, attitude = (None if part is None else part[keep] for part in (velocity, attitude))
     return Trajectory(time, lat, lon, height, velocity, attitude, source=log.source)
 
 
@@ -223,9 +226,9 @@ def _rates(log: VectorNavLog) -> tuple[Messages, Array, Array, list[str]]:
     joint = "common.uncomp_accel_mps2_gyro_radps"
     messages, names = _with(log, [*_RATES, (joint,)], "angular rate and acceleration")
     if names[0] == joint:
-        both = np.asarray(messages.values[joint], dtype=float)
+        both = numbers(messages.values[joint])
         return messages, both[:, 3:], both[:, :3], [joint] * 6
-    gyro, accel = (np.asarray(messages.values[name], dtype=float) for name in names)
+    gyro, accel = (numbers(messages.values[name]) for name in names)
     return messages, gyro, accel, [names[0]] * 3 + [names[1]] * 3
 
 
@@ -233,8 +236,8 @@ def _increments(log: VectorNavLog) -> tuple[Messages, Array, Array]:
     joint = "common.delta_time_s_theta_deg_velocity_mps"
     wanted = [("imu.delta_time_s_theta_deg", "imu.delta_velocity_mps"), (joint,)]
     messages, names = _with(log, wanted, "increments (delta theta, delta velocity)")
-    first = np.asarray(messages.values[names[0]], dtype=float)
-    velocity = first[:, 4:] if names[0] == joint else np.asarray(messages.values[names[1]], dtype=float)
+    first = numbers(messages.values[names[0]])
+    velocity = first[:, 4:] if names[0] == joint else numbers(messages.values[names[1]])
     return messages, np.radians(first[:, 1:4]), velocity
 
 
@@ -257,14 +260,16 @@ def _euler(messages: Messages) -> Array:
     values = messages.values
     for name in ("attitude.ypr_deg", "common.ypr_deg"):
         if name in values:
-            euler = np.radians(np.asarray(values[name], dtype=float)[:, ::-1])
+            euler = np.radians(numbers(values[name])[:, ::-1])
             break
     else:
         name = next(n for n in ("attitude.quaternion_xyzw", "common.quaternion_xyzw") if n in values)
         # The sensor's quaternion takes north-east-down to the sensor axes, in its own convention for products: as a
         # Hamilton quaternion it is that from the sensor axes to north-east-down.
-        q = np.asarray(values[name], dtype=float)[:, [3, 0, 1, 2]]
-        euler = euler_from_quat_batch(q / np.linalg.norm(q, axis=1, keepdims=True))
+        q = numbers(values[name])[:, [3, 0, 1, 2]]
+        length = np.linalg.norm(q, axis=1, keepdims=True)
+        # A filter that was not initialised sends zeros.
+        euler = euler_from_quat_batch(q / np.where((length > 0.5) & (length < 2.0), length, np.nan))
     euler[:, 2] = wrapped(euler[:, 2], 2.0 * np.pi)
     return euler
 

@@ -17,6 +17,9 @@ Array = np.ndarray
 Clock = Literal["auto", "gps", "file", "startup"]
 
 _NS = 1e-9
+_ABSURD = 1e12
+_LAST_WEEK = 10000
+_WEEK_NS = round(WEEK / _NS)
 
 
 def timed_rows(
@@ -63,7 +66,9 @@ def timed_rows(
             f"{log.source}: the times of {messages.kind} are counted with the stated {rate_hz:g} Hz from 0; messages"
             " that left no trace shift all that follow"
         )
-        return messages.index / rate_hz, np.arange(len(messages)), notes
+        keep = np.arange(len(messages))
+        _check_number(log, messages, keep)
+        return messages.index / rate_hz, keep, notes
     time = {
         "file": lambda: messages.stamp,
         "startup": lambda: _startup(messages),
@@ -81,11 +86,15 @@ def timed_rows(
     if order is not None:
         keep = keep[order.order[order.first]]
         notes.append(f"{order.note}: sorted by time, the first row of each stamp kept")
-    if keep.size < 2:
-        raise InputError(
-            f"{log.source}: {keep.size} of {len(messages)} {messages.kind} have a time; at least two are needed"
-        )
+    _check_number(log, messages, keep)
     return stamps[keep], keep, notes
+
+
+def numbers(values: Array) -> Array:
+    """Values as float64, NaN where they are beyond 1e12, which is no measurement."""
+    with np.errstate(invalid="ignore"):
+        floats = np.asarray(values).astype(float)
+    return np.where(np.abs(floats) < _ABSURD, floats, np.nan)
 
 
 def finite_rows(
@@ -109,7 +118,15 @@ def finite_rows(
         )
     check_isolated(bad, log.source, tell, "NaN or infinite values")
     notes.append(f"{log.source}: {np.count_nonzero(bad)} rows with NaN or infinite values were left out")
+    _check_number(log, messages, keep[~bad])
     return time[~bad], keep[~bad]
+
+
+def _check_number(log: VectorNavLog, messages: Messages, keep: Array) -> None:
+    if keep.size < 2:
+        raise InputError(
+            f"{log.source}: {keep.size} of {len(messages)} {messages.kind} can be used; at least two are needed"
+        )
 
 
 def clock_of(log: VectorNavLog, messages: Messages, group: str, clock: Clock, rate_hz: float | None = None) -> str:
@@ -134,20 +151,24 @@ def _startup(messages: Messages) -> Array:
 
 
 def _gps_ns(messages: Messages, group: str) -> tuple[Array, Array] | None:
-    """GPS week and nanoseconds of the week, week 0 where it is not known; None if the messages have none."""
+    """GPS week and nanoseconds of the week, week 0 where they are unknown or cannot be; None if no message has them."""
     values = messages.values
+    pairs: list[tuple[Array, Array]] = []
     for place, tow, week in ((group, "tow_ns", "week"), ("time", "gps_tow_ns", "gps_week")):
-        names = f"{place}.{tow}", f"{place}.{week}"
+        names = f"{place}.{week}", f"{place}.{tow}"
         if all(name in values for name in names):
-            found = np.asarray(values[names[1]]).astype(np.int64), np.asarray(values[names[0]]).astype(np.int64)
-            if found[0].any():
-                return found
-    for name in ("time.time_gps_ns", "common.time_gps_ns"):
-        if name in values:
-            weeks, rest = np.divmod(np.asarray(values[name]).astype(np.int64), int(WEEK / _NS + 0.5))
-            if weeks.any():
-                return weeks, rest
+            pairs.append((_integers(values[names[0]]), _integers(values[names[1]])))
+    whole = [name for name in ("time.time_gps_ns", "common.time_gps_ns") if name in values]
+    pairs += [np.divmod(_integers(values[name]), _WEEK_NS) for name in whole]
+    for weeks, rest in pairs:
+        known = (weeks > 0) & (weeks < _LAST_WEEK) & (rest >= 0) & (rest < _WEEK_NS)
+        if known.any():
+            return np.where(known, weeks, 0), rest
     return None
+
+
+def _integers(values: Array) -> Array:
+    return np.asarray(values).astype(np.int64)
 
 
 def _gps(log: VectorNavLog, messages: Messages, group: str) -> Array:
