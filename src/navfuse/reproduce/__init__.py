@@ -36,6 +36,7 @@ STUDIES = {
     "ins-gps-thesis": Entry("ins_gps_thesis", "Simple EKF and Full EKF on a flight of 300 s (thesis, Brno 2013)"),
     "gyro-magnetometer": Entry("attitude_systems:heading", "Heading from a gyro and a compass, two states (lecture)"),
     "ahrs": Entry("attitude_systems:ahrs", "Attitude and heading reference beside VQF", "broad"),
+    "first-ins-gnss": Entry("planar_tutorial", "A first INS/GNSS in the plane (tutorial, NASA 2015)"),
 }
 """Name -> study."""
 
