@@ -10,8 +10,8 @@ Loosely coupled, six states, in e or in n. With the signs of navfuse, error = tr
 
 In n the position states are errors of latitude, longitude and height: metres are divided by R_N + h, (R_E + h) cos L and
 -1. That is the basic integration of Groves' lecture "Multisensor Integrated Navigation" (UCL COMP0130, session 3B, part
-2), whose errors have the other sign, hence H = -(0 I; I 0) there. Two constants may be added, a relative error of the
-distances and an error of the heading, which turn with the vehicle where a random walk has to follow them.
+2), whose errors have the other sign, hence H = -(0 I; I 0) there. Three states more may be added for the slow part of the
+errors of the fixes.
 
 Closed loop the correction goes back into the track: the geometry is then that of the corrected track. In e nothing else
 differs, because the filter is linear.
@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -50,18 +50,23 @@ class DrModel:
     Attributes
     ----------
     velocity_psd : float [m^2/s^3]
-        S_DR, of the random walk of the horizontal velocity error on each axis. White noise of sigma on velocities taken
-        every tau seconds behaves about like one of 2 sigma^2 / tau.
+        S_DR, of the random walk of the horizontal velocity error on each axis.
     vertical_psd : float [m^2/s^3] or None
         The same of the vertical; None for that of the horizontal.
     sd_position : float or (3,) [m]
         Of the start of the track, north, east, down.
     sd_velocity : float or (3,) [m/s]
         Of its velocity there.
-    scale_sd : float [1]
-        > 0 adds the relative error of the distances as a state: measured = true (1 + scale).
-    heading_sd : float [rad]
-        > 0 adds a constant error of the heading as a state: measured = true + bias.
+    heading_noise, speed_noise : float [rad], [m/s]
+        White noise of the headings and speeds that the track was made of. The difference of two velocities has twice
+        the variance of one: every step adds 2 (heading_noise speed)^2 + 2 speed_noise^2 to that of the horizontal
+        velocity error.
+    fix_error_sd : float or (3,) [m]
+        > 0 adds the slow part of the errors of the fixes as three states, north, east, down: a Gauss-Markov process of
+        this standard deviation. The standard deviations of the fixes are then those of the white part. Most receivers
+        filter, so that their errors last.
+    fix_error_tau : float [s]
+        Its correlation time.
     gate_probability : float
         Share of good fixes that passes the gate; 1 for no gate.
     patience : float [s]
@@ -77,13 +82,15 @@ class DrModel:
     vertical_psd: float | None = None
     sd_position: float | Sequence[float] | Array = 10.0
     sd_velocity: float | Sequence[float] | Array = 0.5
-    scale_sd: float = 0.0
-    heading_sd: float = 0.0
+    heading_noise: float = 0.0
+    speed_noise: float = 0.0
+    fix_error_sd: float | Sequence[float] | Array = 0.0
+    fix_error_tau: float = 60.0
     gate_probability: float = 0.999
     patience: float = 10.0
 
     def __post_init__(self) -> None:
-        for name in ("velocity_psd", "vertical_psd", "scale_sd", "heading_sd", "patience"):
+        for name in ("velocity_psd", "vertical_psd", "heading_noise", "speed_noise", "patience"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value >= 0.0):
                 raise ConfigError(f"{name} = {value} must be finite and not negative")
@@ -91,14 +98,29 @@ class DrModel:
             value = np.asarray(getattr(self, name), dtype=float)
             if value.shape not in ((), (3,)) or not (np.isfinite(value).all() and (value > 0.0).all()):
                 raise ConfigError(f"{name} = {getattr(self, name)} must be one positive number, or three")
+        slow = np.asarray(self.fix_error_sd, dtype=float)
+        if slow.shape not in ((), (3,)) or not np.isfinite(slow).all() or (slow < 0.0).any() or (
+            slow.any() and not slow.all()
+        ):
+            raise ConfigError(f"fix_error_sd = {self.fix_error_sd} must be one number, or three, positive or all zero")
+        if not (math.isfinite(self.fix_error_tau) and self.fix_error_tau > 0.0):
+            raise ConfigError(f"fix_error_tau = {self.fix_error_tau} must be positive")
         if not 0.0 < self.gate_probability <= 1.0:
             raise ConfigError(f"gate_probability = {self.gate_probability} must be above 0 and at most 1")
 
-    @property
-    def psd(self) -> Array:
-        """North, east, down (3,) [m^2/s^3]."""
+    def psd(self, track: Trajectory) -> Array:
+        """Densities (n, 3) [m^2/s^3] north, east, down over the steps that end at the epochs of a track."""
+        step = np.diff(track.time, prepend=np.nan)
+        v = np.asarray(track.velocity_n)
+        white = 2.0 * (self.heading_noise**2 * (v[:, 0] ** 2 + v[:, 1] ** 2) + self.speed_noise**2)
+        horizontal = self.velocity_psd + white / step
         vertical = self.velocity_psd if self.vertical_psd is None else self.vertical_psd
-        return np.array([self.velocity_psd, self.velocity_psd, vertical])
+        return np.column_stack((horizontal, horizontal, np.full(step.size, vertical)))
+
+    @property
+    def slow(self) -> tuple[Array, float]:
+        """Standard deviation (3,) [m] and correlation time [s] of the slow errors of the fixes."""
+        return np.broadcast_to(np.asarray(self.fix_error_sd, dtype=float), 3).copy(), self.fix_error_tau
 
 
 def integrate(
@@ -134,7 +156,8 @@ def integrate(
     Result
         Forward and smoothed corrected track at the epochs of the track and of the fixes inside it; innovations; the
         forward estimates of the errors as states ``dr_velocity_error`` [m/s] and ``dr_position_error`` [m], north, east,
-        down, true minus track, and ``odometer_scale`` [1], ``heading_bias`` [rad] where the model has them.
+        down, true minus track, and ``fix_error`` [m], measured minus true, where the
+        model has it.
 
     Raises
     ------
@@ -160,8 +183,8 @@ def integrate(
     fixes = gnss.take(rows)
     track = at_epochs(track, np.union1d(track.time, fixes.time))
     at = np.searchsorted(track.time, fixes.time)
-    n, m = len(track), 6 + (model.scale_sd > 0.0) + (model.heading_sd > 0.0)
-    scale_at, heading_at = (6 if model.scale_sd > 0.0 else -1), (m - 1 if model.heading_sd > 0.0 else -1)
+    slow_at = 6 if model.slow[0].any() else -1
+    n, m = len(track), 9 if slow_at > 0 else 6
 
     dr_p, dr_v, C = _in_frame(track.lat, track.lon, track.height, track.velocity_n, ecef)
     fix_p, fix_v = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
@@ -182,20 +205,20 @@ def integrate(
         raise InputError(f"{gnss.source}: nothing in it can be used: {' or '.join(use)}, outside the outages")
 
     x, P = np.zeros((n, m)), np.zeros((n, m, m))
-    P[0] = _start_covariance(model, dr_p[0], ecef, scale_at, heading_at)
+    P[0] = _start_covariance(model, dr_p[0], ecef, m)
     Phi, x_before, P_before = np.tile(np.eye(m), (n, 1, 1)), np.zeros((n, m)), np.zeros((n, m, m))
     record = np.full((n, 2, 8), np.nan)
     gate = math.inf if model.gate_probability == 1.0 else float(chdtri(3, 1.0 - model.gate_probability))
     failed = kernels.run_forward(
-        ecef, feedback == "closed", track.time, dr_v, dr_p, model.psd, scale_at, heading_at, fix_p, fix_v, var_p, var_v,
-        use_p, use_v, (gate, model.patience), x, P, Phi, x_before, P_before, record,
+        ecef, feedback == "closed", track.time, dr_v, dr_p, model.psd(track), slow_at, *model.slow,
+        fix_p, fix_v, var_p, var_v, use_p, use_v, (gate, model.patience), x, P, Phi, x_before, P_before, record,
     )  # fmt: skip
     if failed >= 0:
         raise FilterError(
             f"the DR/GNSS filter failed at {track.time[failed]:.3f} s: its covariance is not positive definite; are the "
             "sigmas and densities of sensible size?"
         )
-    corrector = (track, dr_p, dr_v, C, ecef, scale_at, heading_at)
+    corrector = (track, dr_p, dr_v, C, ecef)
     forward, states = _corrected(*corrector, x, P, "forward")
     smoothed = None
     if smooth:
@@ -238,17 +261,14 @@ def _in_frame(lat: Array, lon: Array, height: Array, velocity_n: Array, ecef: bo
     return geodetic_to_ecef_batch(lat, lon, height), np.einsum("kij,kj->ki", C, velocity_n), C
 
 
-def _start_covariance(model: DrModel, place: Array, ecef: bool, scale_at: int, heading_at: int) -> Array:
+def _start_covariance(model: DrModel, place: Array, ecef: bool, m: int) -> Array:
     C, per_metre = kernels.scales(ecef, place)
-    m = 6 + (scale_at >= 0) + (heading_at >= 0)
     P = np.zeros((m, m))
     variance = [np.square(np.broadcast_to(np.asarray(sd, float), 3)) for sd in (model.sd_velocity, model.sd_position)]
     P[kernels.VELOCITY, kernels.VELOCITY] = (C * variance[0]) @ C.T
     P[kernels.POSITION, kernels.POSITION] = (C * variance[1]) @ C.T * np.outer(per_metre, per_metre)
-    if scale_at >= 0:
-        P[scale_at, scale_at] = model.scale_sd**2
-    if heading_at >= 0:
-        P[heading_at, heading_at] = model.heading_sd**2
+    if m > 6:
+        P[range(6, 9), range(6, 9)] = np.square(model.slow[0])
     return P
 
 
@@ -258,23 +278,16 @@ def _corrected(
     dr_v: Array,
     C: Array,
     ecef: bool,
-    scale_at: int,
-    heading_at: int,
     x: Array,
     P: Array,
     name: str,
 ) -> tuple[Trajectory, dict[str, StateHistory]]:
     """The track with the estimated errors added, its standard deviations, and the errors themselves."""
-    n, m = x.shape
+    n = x.shape[0]
     v_n = np.asarray(track.velocity_n)
-    J = np.zeros((n, 3, m))
-    J[:, :, kernels.VELOCITY] = np.swapaxes(C, 1, 2)
-    if scale_at >= 0:
-        J[:, :2, scale_at] = v_n[:, :2]
-    if heading_at >= 0:
-        J[:, :2, heading_at] = np.column_stack((-v_n[:, 1], v_n[:, 0]))
-    error_v = np.einsum("kij,kj->ki", J, x)
-    sd_v = np.sqrt(np.einsum("kij,kjl,kil->ki", J, P, J))
+    to_n = np.swapaxes(C, 1, 2)
+    error_v = np.einsum("kij,kj->ki", to_n, x[:, kernels.VELOCITY])
+    sd_v = np.sqrt(np.einsum("kij,kjl,kil->ki", to_n, P[:, kernels.VELOCITY, kernels.VELOCITY], to_n))
     place = dr_p + x[:, kernels.POSITION]
     P_p = P[:, kernels.POSITION, kernels.POSITION]
     if ecef:
@@ -282,7 +295,7 @@ def _corrected(
         C_there = np.array([np.reshape(dcm_en(a, b), (3, 3)) for a, b in zip(lat, lon, strict=True)])
         sd_p = np.sqrt(np.einsum("kji,kjl,kli->ki", C_there, P_p, C_there))
         error_p = np.einsum("kji,kj->ki", C, x[:, kernels.POSITION])
-        velocity = np.einsum("kji,kj->ki", C_there, dr_v + np.einsum("kij,kj->ki", C, error_v))
+        velocity = np.einsum("kji,kj->ki", C_there, dr_v + x[:, kernels.VELOCITY])
     else:
         lat, lon, height = place.T
         lon = (lon + np.pi) % (2.0 * np.pi) - np.pi
@@ -298,10 +311,10 @@ def _corrected(
         "dr_velocity_error": StateHistory(track.time, error_v, sd_v),
         "dr_position_error": StateHistory(track.time, error_p, sd_p),
     }
-    # The states correct what was measured; handed out are the errors of the sensor.
-    for label, k in (("odometer_scale", scale_at), ("heading_bias", heading_at)):
-        if k >= 0:
-            states[label] = StateHistory(track.time, -x[:, k : k + 1], np.sqrt(P[:, k, k])[:, None])
+    if x.shape[1] > 6:
+        at = slice(6, 9)
+        variance = np.diagonal(P, axis1=1, axis2=2)[:, at]
+        states["fix_error"] = StateHistory(track.time, x[:, at].copy(), np.sqrt(variance))
     return best, states
 
 

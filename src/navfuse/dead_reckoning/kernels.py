@@ -42,8 +42,8 @@ def scales(ecef, place):
 
 @fused
 def run_forward(
-    ecef, closed, time, dr_v, dr_p, psd, scale_at, heading_at, fix_p, fix_v, var_p, var_v, use_p, use_v, settings,
-    x, P, Phi, x_before, P_before, record,
+    ecef, closed, time, dr_v, dr_p, psd, slow_at, slow_sd, slow_tau, fix_p, fix_v, var_p, var_v,
+    use_p, use_v, settings, x, P, Phi, x_before, P_before, record,
 ):  # fmt: skip
     """Filter the errors of a dead-reckoned track; errors are true minus estimate.
 
@@ -54,10 +54,12 @@ def run_forward(
     time : (n,) array [s]
     dr_v, dr_p : (n, 3) arrays
         Velocity and position of the track, in the frame of the filter.
-    psd : (3,) array [m^2/s^3]
-        Of the random walk of the velocity error: north, east, down.
-    scale_at, heading_at : int
-        Places of the states "scale" and "heading" in x, -1 without them.
+    psd : (n, 3) array [m^2/s^3]
+        Of the random walk of the velocity error north, east, down, over the step that ends at a row.
+    slow_at : int
+        Place of the first of three slow errors of the fixes in x; -1 without.
+    slow_sd, slow_tau : (3,) array [m], float [s]
+        Of the slow errors north, east, down: standard deviation, correlation time.
     fix_p, fix_v : (n, 3) arrays
         GNSS position and velocity in the frame of the filter.
     var_p, var_v : (n, 3) arrays
@@ -89,14 +91,12 @@ def run_forward(
             for i in range(3):
                 place[i] = dr_p[k - 1, i] + (at[3 + i] if closed else 0.0)
             C, per_metre = scales(ecef, place)
-            F, Q = _step(C, per_metre, time[k] - time[k - 1], psd, m)
-            if scale_at >= 0 or heading_at >= 0:
-                moved = np.empty(3)
-                for i in range(3):
-                    moved[i] = dr_p[k, i] - dr_p[k - 1, i]
-                if not ecef:
-                    moved[1] -= 2.0 * np.pi * np.round(moved[1] / (2.0 * np.pi))
-                _carry_constants(F, C, per_metre, moved, ecef, scale_at, heading_at)
+            F, Q = _step(C, per_metre, time[k] - time[k - 1], psd[k], m)
+            if slow_at >= 0:
+                kept = np.exp(-(time[k] - time[k - 1]) / slow_tau)
+                for i in range(slow_at, slow_at + 3):
+                    F[i, i] = kept
+                    Q[i, i] = slow_sd[i - slow_at] ** 2 * (1.0 - kept * kept)
             predict(at, cov, F, Q)
             Phi[k] = F
         x_before[k] = at
@@ -118,15 +118,12 @@ def run_forward(
                     R[i, j] *= unit * (per_metre[j] if what == 0 else 1.0)
                 H[i, 3 + i if what == 0 else i] = 1.0
                 z[i] = fix_p[k, i] - dr_p[k, i] if what == 0 else fix_v[k, i] - dr_v[k, i]
+            if what == 0 and slow_at >= 0:
+                for i in range(3):
+                    for a in range(3):
+                        H[i, slow_at + a] = C[i, a] * per_metre[i]
             if what == 0 and not ecef:
                 z[1] -= 2.0 * np.pi * np.round(z[1] / (2.0 * np.pi))
-            if what == 1:
-                along, across = _turned(C, dr_v[k])
-                for i in range(3):
-                    if scale_at >= 0:
-                        H[i, scale_at] = along[i]
-                    if heading_at >= 0:
-                        H[i, heading_at] = across[i]
             for i in range(3):
                 for j in range(m):
                     z[i] -= H[i, j] * at[j]
@@ -191,34 +188,6 @@ def _step(C, per_metre, dt, psd, m):
             Q[i, 3 + j] = 0.5 * s * dt * dt * per_metre[j]
             Q[3 + i, 3 + j] = s * dt**3 / 3.0 * per_metre[i] * per_metre[j]
     return F, Q
-
-
-@fused
-def _turned(C, v):
-    """A horizontal vector in the frame of the filter, level part of v, and the same turned clockwise by a right angle."""
-    n = np.zeros(3)
-    for a in range(3):
-        for i in range(3):
-            n[a] += C[i, a] * v[i]
-    along, across = np.empty(3), np.empty(3)
-    for i in range(3):
-        along[i] = C[i, 0] * n[0] + C[i, 1] * n[1]
-        across[i] = -C[i, 0] * n[1] + C[i, 1] * n[0]
-    return along, across
-
-
-@fused
-def _carry_constants(F, C, per_metre, moved, ecef, scale_at, heading_at):
-    """Put in what a scale and a heading error do to the position over a step of the track."""
-    metres = np.empty(3)
-    for i in range(3):
-        metres[i] = moved[i] / per_metre[i]
-    along, across = _turned(C, metres)
-    for i in range(3):
-        if scale_at >= 0:
-            F[3 + i, scale_at] = along[i] * per_metre[i]
-        if heading_at >= 0:
-            F[3 + i, heading_at] = across[i] * per_metre[i]
 
 
 @fused
