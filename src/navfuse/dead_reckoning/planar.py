@@ -1,0 +1,426 @@
+r"""Odometer and yaw gyro with GNSS positions: heading, gyro bias and odometer scale estimated with the position.
+
+Where fixes are sparse a dead-reckoned track is lost by errors that the six-state filter calls a random walk of velocity
+and that are really constant: the heading at the start, the bias of the gyro, the scale of the odometer. Closed loop;
+state north, east, height, heading psi, gyro bias b, odometer scale kappa. Measured distance d and turn t of a step are
+
+.. math::
+
+    d = (1 + \kappa)\, d_{true} + \ldots, \qquad t = \psi_k - \psi_{k-1} + \tau b + \ldots
+
+and the vehicle moves along the arc of the corrected step. Errors are true minus estimate, north and east in metres.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from navfuse.core.earth import radii
+from navfuse.core.fused import fused
+from navfuse.core.linear import predict, smooth_step, update
+from navfuse.data.logs import GnssLog
+from navfuse.data.result import Innovations, Result, StateHistory
+from navfuse.data.trajectory import Trajectory, wrapped
+from navfuse.dead_reckoning.checks import check_belongs_together
+from navfuse.dead_reckoning.integration import STATUS
+from navfuse.dead_reckoning.kernels import FEWEST_REJECTED, NOTHING, REJECTED, RESET, USED, WITHHELD
+from navfuse.dead_reckoning.odometry import StartPoint, Steps, chords, metres_per_radian
+from navfuse.errors import ConfigError, FilterError, InputError
+
+Array = np.ndarray
+
+STATES = 6
+HEADING, BIAS, SCALE = 3, 4, 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OdometryModel:
+    """Errors of odometer and yaw gyro.
+
+    Attributes
+    ----------
+    distance_noise : float [m/sqrt(m)]
+        White noise along the way: after 100 m ten times as much.
+    slip_noise : float [m/sqrt(m)]
+        The same across it.
+    turn_noise : float [rad/sqrt(s)]
+        Angular random walk of the gyro, and whatever else turns the vehicle unseen.
+    turn_slip : float [rad/sqrt(rad)]
+        White noise that grows with what was turned.
+    gyro_bias_sd : float [rad/s]
+        At the start; 0 leaves the bias out.
+    gyro_bias_walk : float [rad/s/sqrt(s)]
+    scale_sd : float [1]
+        Of the odometer, at the start; 0 leaves it out.
+    scale_walk : float [1/sqrt(s)]
+    height_walk : float [m/sqrt(s)]
+        Height is a random walk.
+    sd_position : float [m]
+        Of the start, all three axes.
+    sd_heading : float [rad]
+        Of the heading at the start.
+    gate_probability, patience : see :class:`~navfuse.dead_reckoning.integration.DrModel`
+
+    Raises
+    ------
+    ConfigError
+        On construction, for a value out of its range.
+    """
+
+    distance_noise: float = 0.05
+    slip_noise: float = 0.02
+    turn_noise: float = 1e-3
+    turn_slip: float = 0.01
+    gyro_bias_sd: float = 1e-3
+    gyro_bias_walk: float = 1e-6
+    scale_sd: float = 0.03
+    scale_walk: float = 1e-5
+    height_walk: float = 0.05
+    sd_position: float = 5.0
+    sd_heading: float = 0.2
+    gate_probability: float = 0.999
+    patience: float = 30.0
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ConfigError(f"{name} = {value} must be finite and not negative")
+        for name in ("sd_position", "sd_heading"):
+            if getattr(self, name) == 0.0:
+                raise ConfigError(f"{name} = 0 must be positive")
+        if not 0.0 < self.gate_probability <= 1.0:
+            raise ConfigError(f"gate_probability = {self.gate_probability} must be above 0 and at most 1")
+
+
+def first_heading(steps: Steps, gnss: GnssLog, length: float = 30.0) -> tuple[float, float]:
+    """Heading at the start of steps: the one that lays their track over the first fixes.
+
+    Parameters
+    ----------
+    steps : Steps
+    gnss : GnssLog
+    length : float [m]
+        How far the fixes used reach from the first; with shorter ways, all of them.
+
+    Returns
+    -------
+    heading, sd : float [rad]
+        Clockwise from true north; standard deviation from that of the fixes, 0.02 rad at the least.
+
+    Raises
+    ------
+    InputError
+        If fewer than two fixes lie inside the steps, or all are nearer to each other than their errors.
+    """
+    inside = (gnss.time >= steps.time[0]) & (gnss.time <= steps.time[-1])
+    if np.count_nonzero(inside) < 2:
+        raise InputError(f"{gnss.source}: fewer than two fixes lie inside {steps.source}; a heading needs two")
+    fixes = gnss.take(inside)
+    psi = np.concatenate(([0.0], np.cumsum(steps.turn)))
+    track = np.concatenate(([0.0], np.cumsum(np.asarray(chords(steps.distance, psi[:-1], steps.turn)).T @ (1.0, 1.0j))))
+    moved = np.interp(fixes.time, steps.time, track.real) + 1j * np.interp(fixes.time, steps.time, track.imag)
+    metres = metres_per_radian(fixes.lat[:1], fixes.height[:1])[0]
+    dlon = (fixes.lon - fixes.lon[0] + np.pi) % (2.0 * np.pi) - np.pi
+    seen = (fixes.lat - fixes.lat[0]) * metres[0] + 1j * dlon * metres[1]
+    far = np.flatnonzero(np.abs(seen) > length)
+    last = int(far[0]) + 1 if far.size else fixes.time.size
+    a, b = moved[:last] - moved[:last].mean(), seen[:last] - seen[:last].mean()
+    sd = float(np.hypot(*fixes.sd_position[0, :2]))
+    lever = float(np.sqrt(np.sum(np.abs(a) ** 2)))
+    if not lever > 2.0 * sd or np.abs(b).max() <= sd:
+        raise InputError(
+            f"{gnss.source}: the fixes are too near to each other for a heading; give heading_deg of the start"
+        )
+    return float(np.angle(np.vdot(a, b))) % (2.0 * np.pi), max(sd / lever, 0.02)
+
+
+def filter_odometry(
+    steps: Steps,
+    gnss: GnssLog,
+    start: StartPoint,
+    model: OdometryModel | None = None,
+    *,
+    lever: tuple[float, float] = (0.0, 0.0),
+    outages: Sequence[tuple[float, float]] = (),
+    smooth: bool = True,
+) -> Result:
+    """Filter, and smooth, odometer and gyro steps with GNSS positions.
+
+    Parameters
+    ----------
+    steps : Steps
+    gnss : GnssLog
+        Positions of the antenna; used at the epoch of the steps nearest to them, moved there along the track.
+    start : StartPoint
+        Position of the antenna, and heading, at the first time of the steps.
+    model : OdometryModel, optional
+    lever : (forward, right) [m]
+        From the point that the distances are of to the antenna.
+    outages : sequence of (from, to) [s]
+        Fixes in [from, to) are withheld: compared only.
+    smooth : bool
+
+    Returns
+    -------
+    Result
+        Track of the antenna, level, at the times of the steps; states ``yaw_gyro_bias`` [rad/s], ``odometer_scale`` [1].
+
+    Raises
+    ------
+    InputError
+        As :func:`~navfuse.dead_reckoning.checks.check_belongs_together`.
+    FilterError
+        If the covariance fails.
+
+    Notes
+    -----
+    An extended Kalman filter: a start heading off by more than about 60 deg can lead it astray; see
+    :func:`first_heading`. Fixes between two epochs of the steps are compared at the time of the fix with a position
+    interpolated on the step, and corrections are applied at its end.
+    """
+    model = OdometryModel() if model is None else model
+    n = steps.time.size
+    check_belongs_together(Trajectory(steps.time, *np.zeros((3, n)), source=steps.source), gnss)
+    rows = np.flatnonzero((gnss.time >= steps.time[0]) & (gnss.time <= steps.time[-1]))
+    fixes = gnss.take(rows)
+    at = np.searchsorted(steps.time, fixes.time)
+    part = np.ones(rows.size)
+    part[at > 0] = ((fixes.time - steps.time[at - 1]) / (steps.time[at] - steps.time[at - 1]))[at > 0]
+    withheld = np.array([any(begin <= t < end for begin, end in outages) for t in fixes.time], dtype=bool)
+    x, P = np.zeros((n, STATES)), np.zeros((n, STATES, STATES))
+    x[0] = start.lat, start.lon, start.height, start.heading, 0.0, 0.0
+    _shift(x[0], np.array(lever), -1.0)
+    P[0] = np.diag(np.square([model.sd_position] * 3 + [model.sd_heading, model.gyro_bias_sd, model.scale_sd]))
+    keep = np.array([True] * 4 + [model.gyro_bias_sd > 0.0, model.scale_sd > 0.0])
+    Phi, P_before, correction = np.tile(np.eye(STATES), (n, 1, 1)), np.zeros((n, STATES, STATES)), np.zeros((n, STATES))
+    record = np.full((rows.size, 8), np.nan)
+    gate = math.inf if model.gate_probability == 1.0 else float(chdtri(3, 1.0 - model.gate_probability))
+    noise = (
+        model.distance_noise, model.slip_noise, model.turn_noise, model.turn_slip, model.height_walk,
+        model.gyro_bias_walk * (model.gyro_bias_sd > 0.0), model.scale_walk * (model.scale_sd > 0.0),
+    )  # fmt: skip
+    failed = _forward(
+        steps.time, steps.distance, steps.turn, np.array(lever, dtype=float), noise, at, part,
+        np.column_stack((fixes.lat, fixes.lon, fixes.height)), np.square(fixes.sd_position), withheld,
+        (gate, model.patience), x, P, Phi, P_before, correction, record,
+    )  # fmt: skip
+    if failed >= 0:
+        raise FilterError(f"the odometry filter failed at {steps.time[failed]:.3f} s; are the sigmas of sensible size?")
+    forward = _trajectory(steps, x, P, lever, "forward")
+    states = {
+        name: StateHistory(steps.time, x[:, k : k + 1].copy(), np.sqrt(P[:, k, k])[:, None])
+        for name, k in (("yaw_gyro_bias", BIAS), ("odometer_scale", SCALE))
+        if keep[k]
+    }
+    smoothed = None
+    if smooth:
+        which = np.flatnonzero(keep)
+        grid = np.ix_(np.arange(n), which, which)
+        small, Ps = np.zeros((n, which.size)), np.ascontiguousarray(P[grid])
+        failed = _backward(
+            small, Ps, np.ascontiguousarray(Phi[grid]), np.ascontiguousarray(P_before[grid]),
+            np.ascontiguousarray(correction[:, which]),
+        )  # fmt: skip
+        if failed >= 0:
+            raise FilterError(f"the odometry smoother failed at {steps.time[failed]:.3f} s: give a walk or noise above 0")
+        whole, whole_P = np.zeros_like(x), np.zeros_like(P)
+        whole[:, which], whole_P[grid] = small, Ps
+        best = x.copy()
+        for k in range(n):
+            _correct(best[k], whole[k])
+        smoothed = _trajectory(steps, best, whole_P, lever, "smoothed")
+    innovations = Innovations(
+        fixes.time, np.full(rows.size, "gnss_position"), STATUS[record[:, 0].astype(np.int64)], record[:, 1],
+        np.full(rows.size, 3, dtype=np.int64), record[:, 2:5], np.sqrt(record[:, 5:8]), rows,
+    )  # fmt: skip
+    return Result(forward, smoothed, innovations, states, fixes=gnss, epoch=gnss.epoch)
+
+
+@fused
+def _forward(
+    time, distance, turn, lever, noise, at, part, fix, variance, withheld, settings,
+    x, P, Phi, P_before, correction, record,
+):  # fmt: skip
+    """The filter; row 0 of x and P holds the start. `correction` receives what the fixes of a row changed.
+
+    Returns the row at which the covariance failed, or -1. No checks are made.
+    """
+    n = time.size
+    gate, patience = settings
+    state, cov = x[0].copy(), P[0].copy()
+    before = state.copy()
+    rejected, since, j = 0, 0.0, 0
+    for k in range(n):
+        if k:
+            before[:] = state
+            _advance(state, cov, distance[k - 1], turn[k - 1], time[k] - time[k - 1], noise, Phi[k])
+        P_before[k] = cov
+        while j < at.size and at[j] == k:
+            H, z, R = np.zeros((3, STATES)), np.empty(3), np.zeros((3, 3))
+            there = state.copy()
+            if part[j] < 1.0:
+                # A fix inside a step: the position is that of the step so far, the errors are those at its end.
+                for i in range(4):
+                    there[i] = before[i] + part[j] * (state[i] - before[i])
+            _shift(there, lever, 1.0)
+            meridian, transverse = radii(np.sin(there[0]))
+            dlon = fix[j, 1] - there[1]
+            dlon -= 2.0 * np.pi * np.round(dlon / (2.0 * np.pi))
+            z[0] = (fix[j, 0] - there[0]) * (meridian + there[2])
+            z[1] = dlon * (transverse + there[2]) * np.cos(there[0])
+            z[2] = there[2] - fix[j, 2]
+            c, s = np.cos(there[HEADING]), np.sin(there[HEADING])
+            for i in range(3):
+                H[i, i] = 1.0
+                R[i, i] = variance[j, i]
+            H[0, HEADING] = -s * lever[0] - c * lever[1]
+            H[1, HEADING] = c * lever[0] - s * lever[1]
+            for i in range(3):
+                record[j, 2 + i] = z[i]
+                S = R[i, i]
+                for a in range(STATES):
+                    for b in range(STATES):
+                        S += H[i, a] * cov[a, b] * H[i, b]
+                record[j, 5 + i] = S
+            dx = np.zeros(STATES)
+            if withheld[j]:
+                record[j, 0] = WITHHELD
+                record[j, 1] = update(dx, cov.copy(), z, H, R, np.inf)
+            else:
+                record[j, 0] = USED
+                record[j, 1] = update(dx, cov, z, H, R, gate)
+                if np.isnan(record[j, 1]):
+                    return k
+                if record[j, 1] <= gate:
+                    rejected = 0
+                else:
+                    record[j, 0] = REJECTED
+                    since = time[k] if rejected == 0 else since
+                    rejected += 1
+                    if rejected >= FEWEST_REJECTED and time[k] - since >= patience:
+                        for i in range(2):
+                            cov[i, i] += z[i] * z[i]
+                        cov[HEADING, HEADING] += 1.0
+                        P_before[k] = cov
+                        for i in range(STATES):
+                            correction[k, i] = 0.0
+                        update(dx, cov, z, H, R, np.inf)
+                        record[j, 0] = RESET
+                        rejected = 0
+            _correct(state, dx)
+            for i in range(STATES):
+                correction[k, i] += dx[i]
+            j += 1
+        x[k] = state
+        P[k] = cov
+        for i in range(4):
+            if not cov[i, i] > 0.0:
+                return k
+    return -1
+
+
+@fused
+def _advance(x, P, distance, turn, dt, noise, Phi):
+    """One step of state and covariance; the transition goes into `Phi` (6, 6). No checks are made."""
+    along, across, walk, slip, height_walk, bias_walk, scale_walk = noise
+    d = distance / (1.0 + x[SCALE])
+    w = turn - x[BIAS] * dt
+    half = 0.5 * w
+    chord = d * np.sinc(half / np.pi)
+    middle = x[HEADING] + half
+    c, s = np.cos(middle), np.sin(middle)
+    F = np.eye(STATES)
+    F[0, HEADING], F[1, HEADING] = -chord * s, chord * c
+    F[0, SCALE], F[1, SCALE] = -chord * c / (1.0 + x[SCALE]), -chord * s / (1.0 + x[SCALE])
+    # d(sinc)/dw is left out: it is of second order in a turn that is small wherever the bias matters.
+    F[0, BIAS], F[1, BIAS] = 0.5 * dt * chord * s, -0.5 * dt * chord * c
+    F[HEADING, BIAS] = -dt
+    far, turned = abs(d), walk * walk * dt + slip * slip * abs(w)
+    Q = np.zeros((STATES, STATES))
+    q, r = along * along * far, across * across * far + turned * chord * chord / 3.0
+    Q[0, 0], Q[1, 1] = q * c * c + r * s * s, q * s * s + r * c * c
+    Q[0, 1] = (q - r) * c * s
+    Q[1, 0] = Q[0, 1]
+    Q[0, HEADING], Q[1, HEADING] = -0.5 * turned * chord * s, 0.5 * turned * chord * c
+    Q[HEADING, 0], Q[HEADING, 1] = Q[0, HEADING], Q[1, HEADING]
+    Q[2, 2] = height_walk * height_walk * dt
+    Q[HEADING, HEADING] = turned
+    Q[BIAS, BIAS] = bias_walk * bias_walk * dt
+    Q[SCALE, SCALE] = scale_walk * scale_walk * dt
+    nothing = np.zeros(STATES)
+    predict(nothing, P, F, Q)
+    Phi[:, :] = F
+    dx = np.zeros(STATES)
+    dx[0], dx[1], dx[HEADING] = chord * c, chord * s, w
+    meridian, _ = radii(np.sin(x[0]))
+    _move(x, dx, x[0] + 0.5 * dx[0] / (meridian + x[2]))
+
+
+@fused
+def _correct(x, dx):
+    """Add metres north, east, down, an angle, a bias and a scale to a state. No checks are made."""
+    _move(x, dx, x[0])
+
+
+@fused
+def _move(x, dx, lat):
+    """The same with the radii of curvature of a given latitude."""
+    meridian, transverse = radii(np.sin(lat))
+    x[1] += dx[1] / ((transverse + x[2]) * np.cos(lat))
+    x[1] -= 2.0 * np.pi * np.floor((x[1] + np.pi) / (2.0 * np.pi))
+    x[0] += dx[0] / (meridian + x[2])
+    x[2] -= dx[2]
+    for i in range(3, STATES):
+        x[i] += dx[i]
+
+
+@fused
+def _shift(x, lever, sign):
+    """Move the position of a state by a lever arm forward, right. No checks are made."""
+    dx = np.zeros(STATES)
+    c, s = np.cos(x[HEADING]), np.sin(x[HEADING])
+    dx[0], dx[1] = sign * (c * lever[0] - s * lever[1]), sign * (s * lever[0] + c * lever[1])
+    _move(x, dx, x[0])
+
+
+@fused
+def _backward(dx, P, Phi, P_before, correction):
+    """Smoothed minus filtered state into `dx` (zeros), smoothed covariances into P; the row that failed, or -1."""
+    n, m = dx.shape
+    nothing = np.zeros(m)
+    for k in range(n - 2, -1, -1):
+        # Smoothed minus predicted at the next row: what its fixes changed, and what all later ones did.
+        later = correction[k + 1] + dx[k + 1]
+        if not smooth_step(dx[k], P[k], Phi[k + 1], nothing, P_before[k + 1], later, P[k + 1]):
+            return k
+    return -1
+
+
+def _trajectory(steps: Steps, x: Array, P: Array, lever: tuple[float, float], name: str) -> Trajectory:
+    n = len(x)
+    psi = x[:, HEADING]
+    place = x.copy()
+    for k in range(n):
+        _shift(place[k], np.array(lever, dtype=float), 1.0)
+    dt = np.diff(steps.time)
+    speed, rate = steps.distance / dt / (1.0 + x[1:, SCALE]), steps.turn / dt - x[1:, BIAS]
+    speed, rate = np.concatenate((speed[:1], speed)), np.concatenate((rate[:1], rate))
+    c, s = np.cos(psi), np.sin(psi)
+    ahead, right = speed - rate * lever[1], rate * lever[0]
+    velocity = np.column_stack((c * ahead - s * right, s * ahead + c * right, np.zeros(n)))
+    J = np.zeros((n, 3, STATES))
+    J[:, range(3), range(3)] = 1.0
+    J[:, 0, HEADING], J[:, 1, HEADING] = -s * lever[0] - c * lever[1], c * lever[0] - s * lever[1]
+    sd = np.sqrt(np.einsum("kij,kjl,kil->ki", J, P, J))
+    level = np.zeros(n)
+    attitude = np.column_stack((level, level, wrapped(psi, 2.0 * np.pi)))
+    return Trajectory(
+        steps.time, place[:, 0], place[:, 1], place[:, 2], velocity, attitude, sd_position=sd,
+        sd_attitude=np.column_stack((level, level, np.sqrt(P[:, HEADING, HEADING]))), source=f"{steps.source}, {name}",
+    )  # fmt: skip
