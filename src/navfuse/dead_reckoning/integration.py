@@ -1,17 +1,18 @@
 r"""Any dead-reckoned track corrected by GNSS: the filter and smoother of velocity and position errors.
 
-Loosely coupled, six states, in e or in n. With the signs of navfuse, error = true - estimate, over a step of tau,
+Loosely coupled, six states, in e or in n. With error = true - estimate, over a step of tau,
 
 .. math::
 
-    \delta v_k = \delta v_{k-1} + w, \qquad \delta r_k = \delta r_{k-1} + \tau\, \delta v_{k-1} + \ldots, \qquad
-    Q = S_{DR} \begin{pmatrix} \tau & \tau^2/2 \\ \tau^2/2 & \tau^3/3 \end{pmatrix}, \qquad
+    \delta v_k = \delta v_{k-1} + w, \qquad \delta r_k = \delta r_{k-1} + \tau \delta v_{k-1} + \ldots, \qquad
+    Q = S_{DR} \begin{pmatrix} \tau & \tau^2/2 \\ \tau^2/2 & \tau^3/3 \end{pmatrix},
+
     z = \begin{pmatrix} r^G - r^D \\ v^G - v^D \end{pmatrix} = \begin{pmatrix} \delta r \\ \delta v \end{pmatrix} + v
 
-In n the position states are errors of latitude, longitude and height: metres are divided by R_N + h, (R_E + h) cos L and
--1. That is the basic integration of Groves' lecture "Multisensor Integrated Navigation" (UCL COMP0130, session 3B, part
-2), whose errors have the other sign, hence H = -(0 I; I 0) there. Three states more may be added for the slow part of the
-errors of the fixes.
+In n the position states are errors of latitude, longitude and height: metres are divided by R_N + h, (R_E + h) cos L
+and -1. That is the basic integration of Groves' lecture "Multisensor Integrated Navigation" (UCL COMP0130, session 3B,
+part 2), whose errors have the other sign, hence H = -(0 I; I 0) there. Three states more may be added for the slow part
+of the errors of the fixes.
 
 Closed loop the correction goes back into the track: the geometry is then that of the corrected track. In e nothing else
 differs, because the filter is linear.
@@ -22,7 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -99,8 +100,11 @@ class DrModel:
             if value.shape not in ((), (3,)) or not (np.isfinite(value).all() and (value > 0.0).all()):
                 raise ConfigError(f"{name} = {getattr(self, name)} must be one positive number, or three")
         slow = np.asarray(self.fix_error_sd, dtype=float)
-        if slow.shape not in ((), (3,)) or not np.isfinite(slow).all() or (slow < 0.0).any() or (
-            slow.any() and not slow.all()
+        if (
+            slow.shape not in ((), (3,))
+            or not np.isfinite(slow).all()
+            or (slow < 0.0).any()
+            or (slow.any() and not slow.all())
         ):
             raise ConfigError(f"fix_error_sd = {self.fix_error_sd} must be one number, or three, positive or all zero")
         if not (math.isfinite(self.fix_error_tau) and self.fix_error_tau > 0.0):
@@ -155,9 +159,8 @@ def integrate(
     -------
     Result
         Forward and smoothed corrected track at the epochs of the track and of the fixes inside it; innovations; the
-        forward estimates of the errors as states ``dr_velocity_error`` [m/s] and ``dr_position_error`` [m], north, east,
-        down, true minus track, and ``fix_error`` [m], measured minus true, where the
-        model has it.
+        forward estimates of the errors as states ``dr_velocity_error`` [m/s] and ``dr_position_error`` [m], north,
+        east, down, true minus track, and ``fix_error`` [m], measured minus true, where the model has it.
 
     Raises
     ------
@@ -186,20 +189,20 @@ def integrate(
     slow_at = 6 if model.slow[0].any() else -1
     n, m = len(track), 9 if slow_at > 0 else 6
 
-    dr_p, dr_v, C = _in_frame(track.lat, track.lon, track.height, track.velocity_n, ecef)
+    dr_p, dr_v, C = _in_frame(track.lat, track.lon, track.height, np.asarray(track.velocity_n), ecef)
     fix_p, fix_v = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     var_p, var_v = np.ones((n, 3)), np.ones((n, 3))
     use_p, use_v = np.full(n, kernels.NOTHING), np.full(n, kernels.NOTHING)
     velocity = np.full((rows.size, 3), np.nan) if fixes.velocity_n is None else fixes.velocity_n
     fix_p[at], fix_v[at], _ = _in_frame(fixes.lat, fixes.lon, fixes.height, velocity, ecef)
     var_p[at] = np.square(fixes.sd_position)
-    withheld = np.array([any(begin <= t < end for begin, end in outages) for t in fixes.time], dtype=bool)
+    withheld = np.array([any(begin <= t < end for begin, end in outages) for t in fixes.time.tolist()])
     state = np.where(withheld, kernels.WITHHELD, kernels.USED)
     if "position" in use:
         use_p[at] = state
     if "velocity" in use and fixes.sd_velocity is not None:
         known = np.isfinite(velocity).all(axis=1) & np.isfinite(fixes.sd_velocity).all(axis=1)
-        var_v[at] = np.square(np.where(known[:, None], fixes.sd_velocity, 1.0))
+        var_v[at] = np.square(np.where(np.column_stack([known] * 3), fixes.sd_velocity, 1.0))
         use_v[at] = np.where(known, state, kernels.NOTHING)
     if not ((use_p == kernels.USED).any() or (use_v == kernels.USED).any()):
         raise InputError(f"{gnss.source}: nothing in it can be used: {' or '.join(use)}, outside the outages")
@@ -215,8 +218,8 @@ def integrate(
     )  # fmt: skip
     if failed >= 0:
         raise FilterError(
-            f"the DR/GNSS filter failed at {track.time[failed]:.3f} s: its covariance is not positive definite; are the "
-            "sigmas and densities of sensible size?"
+            f"the DR/GNSS filter failed at {track.time[failed]:.3f} s: its covariance is not positive definite; are "
+            "the sigmas and densities of sensible size?"
         )
     corrector = (track, dr_p, dr_v, C, ecef)
     forward, states = _corrected(*corrector, x, P, "forward")
@@ -256,7 +259,11 @@ def at_epochs(track: Trajectory, time: Array) -> Trajectory:
 def _in_frame(lat: Array, lon: Array, height: Array, velocity_n: Array, ecef: bool) -> tuple[Array, Array, Array]:
     """Position, velocity in the frame of the filter, and C (n, 3, 3) from n to it."""
     if not ecef:
-        return np.column_stack((lat, lon, height)), np.ascontiguousarray(velocity_n), np.tile(np.eye(3), (lat.size, 1, 1))
+        return (
+            np.column_stack((lat, lon, height)),
+            np.ascontiguousarray(velocity_n),
+            np.tile(np.eye(3), (lat.size, 1, 1)),
+        )
     C = np.array([np.reshape(dcm_en(a, b), (3, 3)) for a, b in zip(lat, lon, strict=True)])
     return geodetic_to_ecef_batch(lat, lon, height), np.einsum("kij,kj->ki", C, velocity_n), C
 

@@ -233,7 +233,7 @@ def summed(moved, lat0, lon0, height0):
 
 @fused
 def metres_per_radian(lat, height):
-    """North and east lengths (n, 2) [m] of a radian of latitude and longitude at given places (n,). No checks are made."""
+    """North and east lengths (n, 2) [m] of a radian of latitude and of longitude at places (n,). No checks are made."""
     found = np.empty((lat.size, 2))
     for k in range(lat.size):
         meridian, transverse = radii(np.sin(lat[k]))

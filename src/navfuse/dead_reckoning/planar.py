@@ -20,22 +20,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from navfuse.core.earth import radii
-from navfuse.core.fused import fused
-from navfuse.core.linear import predict, smooth_step, update
 from navfuse.data.logs import GnssLog
 from navfuse.data.result import Innovations, Result, StateHistory
 from navfuse.data.trajectory import Trajectory, wrapped
+from navfuse.dead_reckoning import planar_kernels
 from navfuse.dead_reckoning.checks import check_belongs_together
 from navfuse.dead_reckoning.integration import STATUS
-from navfuse.dead_reckoning.kernels import FEWEST_REJECTED, NOTHING, REJECTED, RESET, USED, WITHHELD
 from navfuse.dead_reckoning.odometry import StartPoint, Steps, chords, metres_per_radian
+from navfuse.dead_reckoning.planar_kernels import BIAS, HEADING, SCALE, STATES
 from navfuse.errors import ConfigError, FilterError, InputError
 
 Array = np.ndarray
-
-STATES = 6
-HEADING, BIAS, SCALE = 3, 4, 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,8 +118,8 @@ def first_heading(steps: Steps, gnss: GnssLog, length: float = 30.0) -> tuple[fl
         raise InputError(f"{gnss.source}: fewer than two fixes lie inside {steps.source}; a heading needs two")
     fixes = gnss.take(inside)
     psi = np.concatenate(([0.0], np.cumsum(steps.turn)))
-    track = np.concatenate(([0.0], np.cumsum(np.asarray(chords(steps.distance, psi[:-1], steps.turn)).T @ (1.0, 1.0j))))
-    moved = np.interp(fixes.time, steps.time, track.real) + 1j * np.interp(fixes.time, steps.time, track.imag)
+    north, east = (np.concatenate(([0.0], np.cumsum(d))) for d in chords(steps.distance, psi[:-1], steps.turn))
+    moved = np.interp(fixes.time, steps.time, north) + 1j * np.interp(fixes.time, steps.time, east)
     metres = metres_per_radian(fixes.lat[:1], fixes.height[:1])[0]
     dlon = (fixes.lon - fixes.lon[0] + np.pi) % (2.0 * np.pi) - np.pi
     seen = (fixes.lat - fixes.lat[0]) * metres[0] + 1j * dlon * metres[1]
@@ -169,7 +164,8 @@ def filter_odometry(
     Returns
     -------
     Result
-        Track of the antenna, level, at the times of the steps; states ``yaw_gyro_bias`` [rad/s], ``odometer_scale`` [1].
+        Track of the antenna, level, at the times of the steps; states ``yaw_gyro_bias`` [rad/s] and ``odometer_scale``
+        [1].
 
     Raises
     ------
@@ -195,7 +191,7 @@ def filter_odometry(
     withheld = np.array([any(begin <= t < end for begin, end in outages) for t in fixes.time], dtype=bool)
     x, P = np.zeros((n, STATES)), np.zeros((n, STATES, STATES))
     x[0] = start.lat, start.lon, start.height, start.heading, 0.0, 0.0
-    _shift(x[0], np.array(lever), -1.0)
+    planar_kernels.shift(x[0], np.array(lever), -1.0)
     P[0] = np.diag(np.square([model.sd_position] * 3 + [model.sd_heading, model.gyro_bias_sd, model.scale_sd]))
     keep = np.array([True] * 4 + [model.gyro_bias_sd > 0.0, model.scale_sd > 0.0])
     Phi, P_before, correction = np.tile(np.eye(STATES), (n, 1, 1)), np.zeros((n, STATES, STATES)), np.zeros((n, STATES))
@@ -205,7 +201,7 @@ def filter_odometry(
         model.distance_noise, model.slip_noise, model.turn_noise, model.turn_slip, model.height_walk,
         model.gyro_bias_walk * (model.gyro_bias_sd > 0.0), model.scale_walk * (model.scale_sd > 0.0),
     )  # fmt: skip
-    failed = _forward(
+    failed = planar_kernels.run_forward(
         steps.time, steps.distance, steps.turn, np.array(lever, dtype=float), noise, at, part,
         np.column_stack((fixes.lat, fixes.lon, fixes.height)), np.square(fixes.sd_position), withheld,
         (gate, model.patience), x, P, Phi, P_before, correction, record,
@@ -223,17 +219,19 @@ def filter_odometry(
         which = np.flatnonzero(keep)
         grid = np.ix_(np.arange(n), which, which)
         small, Ps = np.zeros((n, which.size)), np.ascontiguousarray(P[grid])
-        failed = _backward(
+        failed = planar_kernels.run_backward(
             small, Ps, np.ascontiguousarray(Phi[grid]), np.ascontiguousarray(P_before[grid]),
             np.ascontiguousarray(correction[:, which]),
         )  # fmt: skip
         if failed >= 0:
-            raise FilterError(f"the odometry smoother failed at {steps.time[failed]:.3f} s: give a walk or noise above 0")
+            raise FilterError(
+                f"the odometry smoother failed at {steps.time[failed]:.3f} s: give a walk or noise above 0"
+            )
         whole, whole_P = np.zeros_like(x), np.zeros_like(P)
         whole[:, which], whole_P[grid] = small, Ps
         best = x.copy()
         for k in range(n):
-            _correct(best[k], whole[k])
+            planar_kernels.correct(best[k], whole[k])
         smoothed = _trajectory(steps, best, whole_P, lever, "smoothed")
     innovations = Innovations(
         fixes.time, np.full(rows.size, "gnss_position"), STATUS[record[:, 0].astype(np.int64)], record[:, 1],
@@ -242,172 +240,12 @@ def filter_odometry(
     return Result(forward, smoothed, innovations, states, fixes=gnss, epoch=gnss.epoch)
 
 
-@fused
-def _forward(
-    time, distance, turn, lever, noise, at, part, fix, variance, withheld, settings,
-    x, P, Phi, P_before, correction, record,
-):  # fmt: skip
-    """The filter; row 0 of x and P holds the start. `correction` receives what the fixes of a row changed.
-
-    Returns the row at which the covariance failed, or -1. No checks are made.
-    """
-    n = time.size
-    gate, patience = settings
-    state, cov = x[0].copy(), P[0].copy()
-    before = state.copy()
-    rejected, since, j = 0, 0.0, 0
-    for k in range(n):
-        if k:
-            before[:] = state
-            _advance(state, cov, distance[k - 1], turn[k - 1], time[k] - time[k - 1], noise, Phi[k])
-        P_before[k] = cov
-        while j < at.size and at[j] == k:
-            H, z, R = np.zeros((3, STATES)), np.empty(3), np.zeros((3, 3))
-            there = state.copy()
-            if part[j] < 1.0:
-                # A fix inside a step: the position is that of the step so far, the errors are those at its end.
-                for i in range(4):
-                    there[i] = before[i] + part[j] * (state[i] - before[i])
-            _shift(there, lever, 1.0)
-            meridian, transverse = radii(np.sin(there[0]))
-            dlon = fix[j, 1] - there[1]
-            dlon -= 2.0 * np.pi * np.round(dlon / (2.0 * np.pi))
-            z[0] = (fix[j, 0] - there[0]) * (meridian + there[2])
-            z[1] = dlon * (transverse + there[2]) * np.cos(there[0])
-            z[2] = there[2] - fix[j, 2]
-            c, s = np.cos(there[HEADING]), np.sin(there[HEADING])
-            for i in range(3):
-                H[i, i] = 1.0
-                R[i, i] = variance[j, i]
-            H[0, HEADING] = -s * lever[0] - c * lever[1]
-            H[1, HEADING] = c * lever[0] - s * lever[1]
-            for i in range(3):
-                record[j, 2 + i] = z[i]
-                S = R[i, i]
-                for a in range(STATES):
-                    for b in range(STATES):
-                        S += H[i, a] * cov[a, b] * H[i, b]
-                record[j, 5 + i] = S
-            dx = np.zeros(STATES)
-            if withheld[j]:
-                record[j, 0] = WITHHELD
-                record[j, 1] = update(dx, cov.copy(), z, H, R, np.inf)
-            else:
-                record[j, 0] = USED
-                record[j, 1] = update(dx, cov, z, H, R, gate)
-                if np.isnan(record[j, 1]):
-                    return k
-                if record[j, 1] <= gate:
-                    rejected = 0
-                else:
-                    record[j, 0] = REJECTED
-                    since = time[k] if rejected == 0 else since
-                    rejected += 1
-                    if rejected >= FEWEST_REJECTED and time[k] - since >= patience:
-                        for i in range(2):
-                            cov[i, i] += z[i] * z[i]
-                        cov[HEADING, HEADING] += 1.0
-                        P_before[k] = cov
-                        for i in range(STATES):
-                            correction[k, i] = 0.0
-                        update(dx, cov, z, H, R, np.inf)
-                        record[j, 0] = RESET
-                        rejected = 0
-            _correct(state, dx)
-            for i in range(STATES):
-                correction[k, i] += dx[i]
-            j += 1
-        x[k] = state
-        P[k] = cov
-        for i in range(4):
-            if not cov[i, i] > 0.0:
-                return k
-    return -1
-
-
-@fused
-def _advance(x, P, distance, turn, dt, noise, Phi):
-    """One step of state and covariance; the transition goes into `Phi` (6, 6). No checks are made."""
-    along, across, walk, slip, height_walk, bias_walk, scale_walk = noise
-    d = distance / (1.0 + x[SCALE])
-    w = turn - x[BIAS] * dt
-    half = 0.5 * w
-    chord = d * np.sinc(half / np.pi)
-    middle = x[HEADING] + half
-    c, s = np.cos(middle), np.sin(middle)
-    F = np.eye(STATES)
-    F[0, HEADING], F[1, HEADING] = -chord * s, chord * c
-    F[0, SCALE], F[1, SCALE] = -chord * c / (1.0 + x[SCALE]), -chord * s / (1.0 + x[SCALE])
-    # d(sinc)/dw is left out: it is of second order in a turn that is small wherever the bias matters.
-    F[0, BIAS], F[1, BIAS] = 0.5 * dt * chord * s, -0.5 * dt * chord * c
-    F[HEADING, BIAS] = -dt
-    far, turned = abs(d), walk * walk * dt + slip * slip * abs(w)
-    Q = np.zeros((STATES, STATES))
-    q, r = along * along * far, across * across * far + turned * chord * chord / 3.0
-    Q[0, 0], Q[1, 1] = q * c * c + r * s * s, q * s * s + r * c * c
-    Q[0, 1] = (q - r) * c * s
-    Q[1, 0] = Q[0, 1]
-    Q[0, HEADING], Q[1, HEADING] = -0.5 * turned * chord * s, 0.5 * turned * chord * c
-    Q[HEADING, 0], Q[HEADING, 1] = Q[0, HEADING], Q[1, HEADING]
-    Q[2, 2] = height_walk * height_walk * dt
-    Q[HEADING, HEADING] = turned
-    Q[BIAS, BIAS] = bias_walk * bias_walk * dt
-    Q[SCALE, SCALE] = scale_walk * scale_walk * dt
-    nothing = np.zeros(STATES)
-    predict(nothing, P, F, Q)
-    Phi[:, :] = F
-    dx = np.zeros(STATES)
-    dx[0], dx[1], dx[HEADING] = chord * c, chord * s, w
-    meridian, _ = radii(np.sin(x[0]))
-    _move(x, dx, x[0] + 0.5 * dx[0] / (meridian + x[2]))
-
-
-@fused
-def _correct(x, dx):
-    """Add metres north, east, down, an angle, a bias and a scale to a state. No checks are made."""
-    _move(x, dx, x[0])
-
-
-@fused
-def _move(x, dx, lat):
-    """The same with the radii of curvature of a given latitude."""
-    meridian, transverse = radii(np.sin(lat))
-    x[1] += dx[1] / ((transverse + x[2]) * np.cos(lat))
-    x[1] -= 2.0 * np.pi * np.floor((x[1] + np.pi) / (2.0 * np.pi))
-    x[0] += dx[0] / (meridian + x[2])
-    x[2] -= dx[2]
-    for i in range(3, STATES):
-        x[i] += dx[i]
-
-
-@fused
-def _shift(x, lever, sign):
-    """Move the position of a state by a lever arm forward, right. No checks are made."""
-    dx = np.zeros(STATES)
-    c, s = np.cos(x[HEADING]), np.sin(x[HEADING])
-    dx[0], dx[1] = sign * (c * lever[0] - s * lever[1]), sign * (s * lever[0] + c * lever[1])
-    _move(x, dx, x[0])
-
-
-@fused
-def _backward(dx, P, Phi, P_before, correction):
-    """Smoothed minus filtered state into `dx` (zeros), smoothed covariances into P; the row that failed, or -1."""
-    n, m = dx.shape
-    nothing = np.zeros(m)
-    for k in range(n - 2, -1, -1):
-        # Smoothed minus predicted at the next row: what its fixes changed, and what all later ones did.
-        later = correction[k + 1] + dx[k + 1]
-        if not smooth_step(dx[k], P[k], Phi[k + 1], nothing, P_before[k + 1], later, P[k + 1]):
-            return k
-    return -1
-
-
 def _trajectory(steps: Steps, x: Array, P: Array, lever: tuple[float, float], name: str) -> Trajectory:
     n = len(x)
     psi = x[:, HEADING]
     place = x.copy()
     for k in range(n):
-        _shift(place[k], np.array(lever, dtype=float), 1.0)
+        planar_kernels.shift(place[k], np.array(lever, dtype=float), 1.0)
     dt = np.diff(steps.time)
     speed, rate = steps.distance / dt / (1.0 + x[1:, SCALE]), steps.turn / dt - x[1:, BIAS]
     speed, rate = np.concatenate((speed[:1], speed)), np.concatenate((rate[:1], rate))
