@@ -20,8 +20,8 @@ from navfuse.errors import ConfigError, InputError
 
 Array = np.ndarray
 
-ITERATIONS = 4
-"""Of Gauss and Newton for freely steered wheels; two do where yaw rate times wheelbase is small beside the speed."""
+ITERATIONS = 8
+"""Of Gauss and Newton for freely steered wheels; two do where the wheelbase times the yaw rate is small beside the speed."""
 WIDEST, NARROWEST = 20.0, 0.02
 
 
@@ -164,7 +164,8 @@ def wheel_motion(
     sd_yaw_rate : float [rad/s]
         Of it, its bias included.
     steering : dict of str to (n,) array [rad], optional
-        Angles of steered wheels, positive to the right. Without them they are taken to roll freely.
+        Angles of steered wheels, positive to the right; these do not slip sideways either. Without them they are
+        taken to roll freely.
     slip_threshold : float
         A wheel whose residual is more than so many of its standard deviations is left out, the worst one of a row, as
         long as speed and yaw rate are still overdetermined.
@@ -176,7 +177,7 @@ def wheel_motion(
     Raises
     ------
     ConfigError
-        If a wheel of the geometry is not in the log, or the wheels do not determine speed and yaw rate.
+        If a wheel of the geometry is not in the log, a steering angle is not of a steered wheel, or the wheels do not determine speed and yaw rate.
     InputError
         If an array has another length than the log.
 
@@ -198,10 +199,14 @@ def wheel_motion(
     z = log.speed[:, [log.wheels.index(name) for name in names]].copy()
     z[:, [not wheel.used for wheel in geometry.wheels.values()]] = np.nan
     m = len(names)
-    extra = 0 if yaw_rate is None else 1
-    measured = z if yaw_rate is None else np.column_stack((z, np.asarray(yaw_rate, dtype=float)))
-    weight = np.full(m + extra, sd_speed**-2)
-    weight[m:] = sd_yaw_rate**-2
+    unknown = [name for name in angles if name not in names or not geometry.wheels[name].steered]
+    if unknown:
+        raise ConfigError(f"{log.source}: there is a steering angle of {unknown[0]!r}, which is not a steered wheel")
+    rolling = np.zeros((n, len(angles)))
+    rate = np.full(n, np.nan) if yaw_rate is None else np.asarray(yaw_rate, dtype=float)
+    measured = np.column_stack((z, rate, rolling))
+    weight = np.full(measured.shape[1], sd_speed**-2)
+    weight[m] = sd_yaw_rate**-2
     use = np.isfinite(measured)
     slipped = np.zeros((n, m), dtype=bool)
     while True:
@@ -225,16 +230,22 @@ def wheel_motion(
     return WheelMotion(log.time, x[:, 0], x[:, 1], sd[:, 0], sd[:, 1], residual, slipped, log.source)
 
 
-def _predicted(x: Array, geometry: WheelGeometry, angles: Mapping[str, Array], columns: int) -> tuple[Array, Array]:
-    """Measurements (n, m) and their derivatives (n, m, 2) with respect to speed and yaw rate."""
-    n = len(x)
-    h, H = np.zeros((n, columns)), np.zeros((n, columns, 2))
+def _predicted(x: Array, geometry: WheelGeometry, angles: Mapping[str, Array]) -> tuple[Array, Array]:
+    """Measurements (n, m) and their derivatives (n, m, 2) with respect to speed and yaw rate.
+
+    Wheel speeds, the yaw rate, then what wheels with a known angle move sideways, which is nothing.
+    """
+    n, m = len(x), len(geometry.wheels)
+    h, H = np.zeros((n, m + 1 + len(angles))), np.zeros((n, m + 1 + len(angles), 2))
     u, w = x.T
     for k, (name, wheel) in enumerate(geometry.wheels.items()):
         ahead = wheel.forward - geometry.axle
         forward, right = u - w * wheel.right, w * ahead
-        if wheel.steered and name in angles:
+        if name in angles:
             c, s = np.cos(angles[name]), np.sin(angles[name])
+            at = m + 1 + list(angles).index(name)
+            h[:, at] = c * right - s * forward
+            H[:, at, 0], H[:, at, 1] = -s, s * wheel.right + c * ahead
         elif wheel.steered:
             size = np.maximum(np.hypot(forward, right), 1e-12)
             # Standing still it points ahead as far as anybody knows.
@@ -243,8 +254,7 @@ def _predicted(x: Array, geometry: WheelGeometry, angles: Mapping[str, Array], c
             c, s = np.ones(n), np.zeros(n)
         h[:, k] = c * forward + s * right
         H[:, k, 0], H[:, k, 1] = c, -c * wheel.right + s * ahead
-    if columns > len(geometry.wheels):
-        h[:, -1], H[:, -1, 1] = w, 1.0
+    h[:, m], H[:, m, 1] = w, 1.0
     return h, H
 
 
@@ -255,7 +265,7 @@ def _adjust(
     known = np.where(use, z, 0.0)
     W = use * weight
     for _ in range(ITERATIONS):
-        h, H = _predicted(x, geometry, angles, z.shape[1])
+        h, H = _predicted(x, geometry, angles)
         N = np.einsum("kmi,km,kmj->kij", H, W, H)
         b = np.einsum("kmi,km->ki", H, W * (known - h))
         det = N[:, 0, 0] * N[:, 1, 1] - N[:, 0, 1] ** 2
@@ -263,13 +273,13 @@ def _adjust(
         cov = np.full_like(N, np.nan)
         cov[good] = np.linalg.inv(N[good])
         x = x + np.einsum("kij,kj->ki", np.where(good[:, None, None], cov, 0.0), b)
-    return x, cov, known - _predicted(x, geometry, angles, z.shape[1])[0]
+    return x, cov, known - _predicted(x, geometry, angles)[0]
 
 
 def _residual_sd(
     x: Array, cov: Array, use: Array, weight: Array, geometry: WheelGeometry, angles: Mapping[str, Array]
 ) -> Array:
     """Standard deviation (n, m) of the residuals; inf where a measurement is not checked by the others."""
-    _, H = _predicted(x, geometry, angles, use.shape[1])
+    _, H = _predicted(x, geometry, angles)
     variance = 1.0 / weight - np.einsum("kmi,kij,kmj->km", H, cov, H)
     return np.where(use & (variance > 1e-6 / weight), np.sqrt(np.maximum(variance, 0.0)), np.inf)
