@@ -23,7 +23,9 @@ POSITIONS = replace(FIXES, velocity_n=None, sd_velocity=None)
 @pytest.mark.parametrize("fixes", [FIXES, POSITIONS])
 @pytest.mark.parametrize(("unit", "factor"), [("km/h", 3.6), ("mile/h", 2.237), ("knots", 1.944), ("mm/s", 1e3)])
 def test_speeds_in_another_unit(fixes, unit, factor):
-    with pytest.raises(InputError, match=rf"speeds are .* times those of gnss, as if they were in {unit}; convert them"):
+    with pytest.raises(
+        InputError, match=rf"speeds are .* times those of gnss, as if they were in {unit}; convert them"
+    ):
         check_speed_unit(OdometerLog(T, factor * 1.03 * SPEED), fixes)
 
 

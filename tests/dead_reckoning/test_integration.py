@@ -185,7 +185,9 @@ def test_smoothing_is_least_squares_over_everything():
     x = np.linalg.solve(N, b).reshape(n, 6)
     assert np.abs(geodetic_to_ecef_batch(found.lat, found.lon, found.height) - r - x[:, 3:]).max() < 1e-6
     cov = np.linalg.inv(N)
-    sd = np.array([np.sqrt(np.diag(C[k].T @ cov[6 * k + 3 : 6 * k + 6, 6 * k + 3 : 6 * k + 6] @ C[k])) for k in range(n)])
+    sd = np.array(
+        [np.sqrt(np.diag(C[k].T @ cov[6 * k + 3 : 6 * k + 6, 6 * k + 3 : 6 * k + 6] @ C[k])) for k in range(n)]
+    )
     np.testing.assert_allclose(found.sd_position, sd, rtol=1e-5)
 
 

@@ -30,7 +30,9 @@ def rolled(geometry, u=U, w=W, backwards=False):
     return WheelSpeedLog(T[: len(u)], tuple(geometry.wheels), np.column_stack(columns))
 
 
-@pytest.mark.parametrize("names", [tuple(MOWER), ("rear_left", "rear_right"), ("front_left", "rear_left", "rear_right")])
+@pytest.mark.parametrize(
+    "names", [tuple(MOWER), ("rear_left", "rear_right"), ("front_left", "rear_left", "rear_right")]
+)
 def test_a_rigid_vehicle_is_found_exactly(names):
     geometry = WheelGeometry({name: MOWER[name] for name in names})
     found = wheel_motion(rolled(geometry), geometry)

@@ -55,12 +55,12 @@ def check_speed_unit(odometer: OdometerLog, gnss: GnssLog) -> None:
         return
     speed = np.abs(np.interp(time[inside], odometer.time, odometer.speed))
     ratio = float(np.median(speed / np.hypot(*velocity[inside].T)))
-    for unit, factor in SPEED_UNITS:
-        if abs(ratio / factor - 1.0) < TOLERANCE:
-            raise InputError(
-                f"{odometer.source}: speeds are {ratio:.3g} times those of {gnss.source}, as if they were in {unit}; "
-                "convert them, or name the unit in the column (speed_kmph, speed_knots, ...)"
-            )
+    unit, factor = min(SPEED_UNITS, key=lambda known: abs(ratio / known[1] - 1.0))
+    if abs(ratio / factor - 1.0) < TOLERANCE:
+        raise InputError(
+            f"{odometer.source}: speeds are {ratio:.3g} times those of {gnss.source}, as if they were in {unit}; "
+            "convert them, or name the unit in the column (speed_kmph, speed_knots, ...)"
+        )
 
 
 def check_heading_unit(heading: HeadingLog, gnss: GnssLog) -> None:

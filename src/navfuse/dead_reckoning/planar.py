@@ -93,20 +93,25 @@ class OdometryModel:
             raise ConfigError(f"gate_probability = {self.gate_probability} must be above 0 and at most 1")
 
 
-def first_heading(steps: Steps, gnss: GnssLog, length: float = 30.0) -> tuple[float, float]:
+def first_heading(
+    steps: Steps, gnss: GnssLog, lever: tuple[float, float] = (0.0, 0.0), length: float = 30.0
+) -> tuple[float, float]:
     """Heading at the start of steps: the one that lays their track over the first fixes.
 
     Parameters
     ----------
     steps : Steps
     gnss : GnssLog
+    lever : (forward, right) [m]
+        From the point that the distances are of to the antenna.
     length : float [m]
-        How far the fixes used reach from the first; with shorter ways, all of them.
+        Of the way along which fixes are used: short, because the bias of a gyro turns the track as it goes on.
 
     Returns
     -------
     heading, sd : float [rad]
-        Clockwise from true north; standard deviation from that of the fixes, 0.02 rad at the least.
+        Clockwise from true north; standard deviation from that of the fixes or what is left of them, whichever is
+        larger, 0.02 rad at the least.
 
     Raises
     ------
@@ -119,20 +124,23 @@ def first_heading(steps: Steps, gnss: GnssLog, length: float = 30.0) -> tuple[fl
     fixes = gnss.take(inside)
     psi = np.concatenate(([0.0], np.cumsum(steps.turn)))
     north, east = (np.concatenate(([0.0], np.cumsum(d))) for d in chords(steps.distance, psi[:-1], steps.turn))
-    moved = np.interp(fixes.time, steps.time, north) + 1j * np.interp(fixes.time, steps.time, east)
+    track = north + 1j * east + complex(*lever) * np.exp(1j * psi)
+    moved = np.interp(fixes.time, steps.time, track.real) + 1j * np.interp(fixes.time, steps.time, track.imag)
     metres = metres_per_radian(fixes.lat[:1], fixes.height[:1])[0]
     dlon = (fixes.lon - fixes.lon[0] + np.pi) % (2.0 * np.pi) - np.pi
     seen = (fixes.lat - fixes.lat[0]) * metres[0] + 1j * dlon * metres[1]
-    far = np.flatnonzero(np.abs(seen) > length)
-    last = int(far[0]) + 1 if far.size else fixes.time.size
+    way = np.interp(fixes.time, steps.time, np.concatenate(([0.0], np.cumsum(np.abs(steps.distance)))))
+    last = max(int(np.searchsorted(way, way[0] + length)) + 1, 2)
     a, b = moved[:last] - moved[:last].mean(), seen[:last] - seen[:last].mean()
     sd = float(np.hypot(*fixes.sd_position[0, :2]))
-    lever = float(np.sqrt(np.sum(np.abs(a) ** 2)))
-    if not lever > 2.0 * sd or np.abs(b).max() <= sd:
+    reach = float(np.sqrt(np.sum(np.abs(a) ** 2)))
+    if not reach > 2.0 * sd or np.abs(b).max() <= sd:
         raise InputError(
             f"{gnss.source}: the fixes are too near to each other for a heading; give heading_deg of the start"
         )
-    return float(np.angle(np.vdot(a, b))) % (2.0 * np.pi), max(sd / lever, 0.02)
+    turn = np.vdot(a, b)
+    left = float(np.sqrt(np.mean(np.abs(b - a * turn / np.abs(turn)) ** 2)))
+    return float(np.angle(turn)) % (2.0 * np.pi), max(sd / reach, left / reach, 0.02)
 
 
 def filter_odometry(
