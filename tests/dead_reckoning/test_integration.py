@@ -76,7 +76,7 @@ def twin(track, fixes, model):
     C = [np.reshape(dcm_en(a, b), (3, 3)) for a, b in zip(track.lat, track.lon, strict=True)]
     v = np.array([C[k] @ track.velocity_n[k] for k in range(len(track))])
     g = geodetic_to_ecef_batch(fixes.lat, fixes.lon, fixes.height)
-    I, O = np.eye(3), np.zeros((3, 3))  # noqa: E741
+    I, O = np.eye(3), np.zeros((3, 3))
     x = np.zeros(6)
     P = np.zeros((6, 6))
     P[:3, :3] = C[0] @ np.diag(np.square(model.sd_velocity)) @ C[0].T

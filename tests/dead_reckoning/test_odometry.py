@@ -1,4 +1,6 @@
-"""Tracks by dead reckoning: exact on the ellipsoid, of second order in the interval, and refused where they cannot be."""
+"""Tracks by dead reckoning: exact on the ellipsoid, of second order in the interval, refused where they cannot be."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -67,7 +69,7 @@ def test_halving_the_interval_quarters_the_error(track):
     end = truth()
     errors = [off(track(dt), end) for dt in (1.0, 0.5, 0.25)]
     assert errors[0] < 2.0
-    for coarse, fine in zip(errors, errors[1:], strict=False):
+    for coarse, fine in pairwise(errors):
         assert 3.6 < coarse / fine < 4.4
 
 

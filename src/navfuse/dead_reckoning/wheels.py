@@ -21,7 +21,7 @@ from navfuse.errors import ConfigError, InputError
 Array = np.ndarray
 
 ITERATIONS = 8
-"""Of Gauss and Newton for freely steered wheels; two do where the wheelbase times the yaw rate is small beside the speed."""
+"""Of Gauss and Newton for freely steered wheels; two do where speed is more than wheelbase times yaw rate."""
 WIDEST, NARROWEST = 20.0, 0.02
 
 
@@ -177,7 +177,8 @@ def wheel_motion(
     Raises
     ------
     ConfigError
-        If a wheel of the geometry is not in the log, a steering angle is not of a steered wheel, or the wheels do not determine speed and yaw rate.
+        If a wheel of the geometry is not in the log, a steering angle is not of a steered wheel, or the wheels do not
+        determine speed and yaw rate.
     InputError
         If an array has another length than the log.
 
