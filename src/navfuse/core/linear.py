@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from navfuse.core.fused import fused
-from navfuse.core.kalman import _invert
+from navfuse.core.kalman import invert
 
 
 @fused
@@ -88,7 +88,7 @@ def update(x, P, z, H, R, gate):
             S[a, b] = v
             S[b, a] = v
     inverse = np.empty((d, d))
-    if not _invert(S, inverse):
+    if not invert(S, inverse):
         return np.nan
     nis = 0.0
     for a in range(d):
@@ -153,7 +153,7 @@ def smooth_step(x, P, Phi, x_predicted, P_predicted, x_next, P_next):
     """
     n = x.size
     inverse = np.empty((n, n))
-    if not _invert(P_predicted, inverse):
+    if not invert(P_predicted, inverse):
         return False
     PPhiT = np.zeros((n, n))
     for i in range(n):
