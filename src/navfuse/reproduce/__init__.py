@@ -34,6 +34,14 @@ class Entry(NamedTuple):
 
 STUDIES = {
     "ins-gps-thesis": Entry("ins_gps_thesis", "Simple EKF and Full EKF on a flight of 300 s (thesis, Brno 2013)"),
+    "gnss-course": Entry(
+        "gnss_course", "Positions, velocities and clock of a receiver (lecture, Workshops 1 and 2)", "ucl-comp0130"
+    ),
+    "dr-gnss": Entry(
+        "dr_gnss", "Odometer and compass of a car with GNSS (lecture, Workshop 3)", "ucl-comp0130, groves-profiles"
+    ),
+    "lawnmower": Entry("lawnmower", "Lawnmower with raw GNSS, wheels, gyro and compass (lecture)", "ucl-comp0130"),
+    "robot-mower": Entry("robot_mower", "Robot mower between rare RTK fixes (CMU Plaza 1)", "cmu-plaza"),
 }
 """Name -> study."""
 
