@@ -116,8 +116,8 @@ def run(wishes: Wishes) -> Study:
             "Against the truth (rms)",
             ("solution", "horizontal m", f"after {SETTLED_S:g} s", "at the end m", "horizontal velocity m/s"),
             tuple(rows),
-            f"The mean offset of the fixes, north {offset[0]:.2f} m, east {offset[1]:.2f} m, down {offset[2]:.2f} m, is "
-            "taken off all that uses them; from dead reckoning its own error at the start.",
+            f"The mean offset of the fixes, north {offset[0]:.2f} m, east {offset[1]:.2f} m, down {offset[2]:.2f} m, "
+            "is taken off all that uses them; from dead reckoning its own error at the start.",
         ),
         Table(
             "Frames and loops",
@@ -184,8 +184,8 @@ NOTES = (
     "Nothing was tuned with the truth.",
     "The fixes come from a filter: the first ones are 3 m off and converge, and later errors last about 16 s, which "
     "fixes less the integral of their own velocities show without the truth. As the filter takes errors for white, the "
-    "stated scatter of 0.2 m is multiplied by sqrt(2 x 16 s / 0.5 s) to 1.6 m. So the NIS of position is far below one.",
+    "stated scatter of 0.2 m is multiplied by sqrt(2 x 16 s / 0.5 s) to 1.6 m. So the NIS of position is far below 1.",
     "Forward, the first second rests on the first fixes; that alone is most of its rms over the whole drive.",
-    "A scale of the odometer was tried as a constant state: it came out at 18 % instead of 2 %, because the compass noise "
-    "is in the velocities that it multiplies (errors in variables). The random walk of velocity takes it up.",
+    "A scale of the odometer was tried as a constant state: it came out at 18 % instead of 2 %, because the compass "
+    "noise is in the velocities that it multiplies (errors in variables). The random walk of velocity takes it up.",
 )

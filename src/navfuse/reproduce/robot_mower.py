@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,10 +33,11 @@ INTERVALS_S = (2.0, 5.0, 10.0, 30.0, 60.0)
 
 
 class Logs(NamedTuple):
-    """Steps of odometer and raw gyro, and the RTK track."""
+    """Steps of odometer and raw gyro, the RTK track, and the heading that the data set begins with [rad]."""
 
     steps: Steps
     rtk: GnssLog
+    heading: float
 
 
 def read(path: Path) -> Logs:
@@ -68,7 +70,8 @@ def read(path: Path) -> Logs:
     metres = metres_per_radian(np.array(PLACE[:1]), np.zeros(1))[0]
     # Two distances on a plane are two on the ellipsoid to 1e-5 over these 70 m.
     lat, lon = PLACE[0] + truth[:, 2] / metres[0], PLACE[1] + truth[:, 1] / metres[1]
-    return Logs(steps, GnssLog(drawn[:, 0], lat, lon, np.zeros(n), np.full((n, 3), SD_RTK), source=path.name))
+    rtk = GnssLog(drawn[:, 0], lat, lon, np.zeros(n), np.full((n, 3), SD_RTK), source=path.name)
+    return Logs(steps, rtk, float(0.5 * np.pi - truth[0, 3]) % (2.0 * np.pi))
 
 
 def sparse(log: GnssLog, every: float) -> Array:
@@ -86,8 +89,6 @@ def filtered(logs: Logs, every: float, model: OdometryModel = MODEL) -> tuple[Re
     fixes = logs.rtk.take(rows)
     heading, sd = first_heading(logs.steps, fixes)
     start = StartPoint(float(fixes.lat[0]), float(fixes.lon[0]), 0.0, heading)
-    from dataclasses import replace
-
     result = filter_odometry(logs.steps, fixes, start, replace(model, sd_heading=max(sd, 0.1)))
     between = np.ones(len(result.forward), dtype=bool)
     between[rows] = False
@@ -133,7 +134,7 @@ def run(wishes: Wishes) -> Study:
         wishes.tell("intervals", (k + 1) / len(INTERVALS_S))
     assert kept is not None
     result, between = kept
-    start = StartPoint(float(rtk.lat[0]), float(rtk.lon[0]), 0.0, first_heading(logs.steps, logs.rtk)[0])
+    start = StartPoint(float(rtk.lat[0]), float(rtk.lon[0]), 0.0, logs.heading)
     alone = from_steps(logs.steps, start)
     off = difference_n(alone, rtk)[:, :2]
     way = float(np.abs(logs.steps.distance).sum())
@@ -203,12 +204,12 @@ def _pictures(logs: Logs, alone: Trajectory, result: Result, rtk: Trajectory) ->
 
 
 NOTES = (
-    "The filter carries position, height, heading, gyro bias and odometer scale; six states with a velocity error would "
-    "not do, because a fix every 10 s says nothing of a velocity.",
+    "The filter carries position, height, heading, gyro bias and odometer scale; six states with a velocity error "
+    "would not do, because a fix every 10 s says nothing of a velocity.",
     "The turns in the table DR of the data set are those of its corrected headings, with which dead reckoning is "
     "only 4.4 m off at the end. Here the raw gyro is used, which the track DRp of the authors holds.",
     "The densities of the noise maximise the likelihood of the innovations, which takes the fixes and nothing between "
     "them. They are those of this mower, grass and slopes.",
-    "There is no gate: the fixes are RTK and right, while wheels slip now and then by more than a Gaussian would. With the "
-    "usual gate of 99.9 % seven of 194 good fixes are rejected and the forward rms doubles.",
+    "There is no gate: the fixes are RTK and right, while wheels slip now and then by more than a Gaussian would. With "
+    "the usual gate of 99.9 % seven of 194 good fixes are rejected and the forward rms doubles.",
 )
