@@ -70,7 +70,7 @@ def test_every_study_is_written_with_its_figures(name, shared_data, tmp_path):
     found = study(name, shared_data)
     files = found.write(tmp_path / "out")
     assert len(files) == 2 + len(found.pictures)
-    assert all(path.stat().st_size > 500 for path in files)
+    assert all(path.stat().st_size > 150 for path in files)
 
 
 @pytest.mark.parametrize("name", NAMES)

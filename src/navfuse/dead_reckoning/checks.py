@@ -69,10 +69,11 @@ def check_heading_unit(heading: HeadingLog, gnss: GnssLog) -> None:
     Raises
     ------
     InputError
-        If all headings lie within 2 pi "degrees", and times 180 / pi they are the course, as they stand they are not.
+        If all headings lie within two turns of radians taken for degrees, and times 180 / pi they are the course, as
+        they stand they are not.
     """
     degrees = np.degrees(np.unwrap(heading.heading))
-    if not degrees.size or np.ptp(degrees) > 2.0 * np.pi:
+    if not degrees.size or np.ptp(degrees) > 4.0 * np.pi:
         return
     time, velocity = _moving(gnss)
     inside = (time >= heading.time[0]) & (time <= heading.time[-1])

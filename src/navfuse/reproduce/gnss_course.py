@@ -9,6 +9,7 @@ import numpy as np
 from navfuse.core.earth import ecef_to_geodetic_batch, geodetic_to_ecef_batch
 from navfuse.data.logs import GnssLog
 from navfuse.data.raw_gnss import RawGnssLog
+from navfuse.data.trajectory import Trajectory
 from navfuse.gnss.receiver_filter import ReceiverModel, filter_receiver
 from navfuse.gnss.single_point import single_point_position, single_point_velocity
 from navfuse.report.study_figures import Curve, Panel, Picture
@@ -79,7 +80,7 @@ def run(wishes: Wishes) -> Study:
             "Least squares against the printed answers",
             ("exercise", "epochs", "largest difference of a coordinate m"),
             (("Workshop 1", str(len(one)), f"{apart[0]:.1e}"), ("Workshop 2", str(len(two)), f"{apart[1]:.1e}")),
-            "The answers of Workshop 1 turn the Earth to first order only during the time of flight; navfuse turns it exactly.",
+            "The answers of Workshop 1 turn the Earth to first order while signals are under way only.",
         ),
         Table(
             "Workshop 2: how rough the solutions are",
@@ -115,7 +116,10 @@ def _pictures(t: Array, place: Array, motion: Array, x: Array, smoothed: Array) 
 
     first = log(place[:, :3])
     origin = (float(first.lat[0]), float(first.lon[0]), float(first.height[0]))
-    sections = {"least squares": (first, "points"), "smoother": (log(smoothed[:, :3]), "line")}
+    sections: dict[str, tuple[Trajectory | GnssLog, str]] = {
+        "least squares": (first, "points"),
+        "smoother": (log(smoothed[:, :3]), "line"),
+    }
     panels = []
     for k, axis in enumerate("xyz"):
         curves = (

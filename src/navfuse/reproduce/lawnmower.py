@@ -293,6 +293,6 @@ NOTES = (
     "far smoother than that.",
     "Both rear wheels give the speed of the middle of their axle; the antenna is 0.2 m ahead of it and swings. The "
     "front wheels are not used.",
-    "The NIS of position is above its bounds by a few per cent: single fixes scatter 3 to 5 % more than a code noise of "
-    "2 m makes them. It was left as described.",
+    "The NIS of position is above its bounds by a few per cent: single fixes scatter 3 to 5 % more than a code noise "
+    "of 2 m makes them. It was left as described.",
 )

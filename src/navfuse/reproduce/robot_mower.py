@@ -54,11 +54,12 @@ def read(path: Path) -> Logs:
     found in the courses of DRp, the dead-reckoned track of the authors, which is DR's distances along the raw headings.
     """
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
 
     try:
         file = loadmat(path)
         truth, dead, drawn = (np.asarray(file[name], dtype=float) for name in ("GT", "DR", "DRp"))
-    except (OSError, ValueError, KeyError, NotImplementedError) as error:
+    except (OSError, ValueError, KeyError, NotImplementedError, MatReadError) as error:
         raise InputError(f"{path}: not the file of the data set, with GT, DR and DRp: {error}") from error
     n = len(truth)
     if truth.shape != (n, 4) or drawn.shape != (n, 4) or dead.shape != (n - 1, 3):
