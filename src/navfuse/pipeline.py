@@ -23,7 +23,7 @@ from navfuse.aiding.base import AidingSensor
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
 from navfuse.analysis.plausibility import run_warnings, silence
 from navfuse.analysis.summary import describe_imu, summarize_run
-from navfuse.config import Project, load_project
+from navfuse.config import DeadReckoningProject, Project, any_project, load_project
 from navfuse.data.imu_overview import ImuOverview
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.result import Result
@@ -54,7 +54,7 @@ SILENT_GAP_S = 0.1
 
 
 def process(
-    config: Project | Mapping[str, Any] | str | os.PathLike[str],
+    config: Project | DeadReckoningProject | Mapping[str, Any] | str | os.PathLike[str],
     *,
     sensors: tuple[AidingSensor, ...] = (),
     progress: Progress | None = None,
@@ -63,8 +63,9 @@ def process(
 
     Parameters
     ----------
-    config : Project, mapping or path
-        A project, the same as nested dictionaries, or the path of a project file.
+    config : Project, DeadReckoningProject, mapping or path
+        A project, the same as nested dictionaries, or the path of a project file. With ``[dead_reckoning]`` instead of
+        ``[imu]`` see :mod:`navfuse.dead_reckoning_run`; `sensors` are not used then.
     sensors : tuple of AidingSensor
         Aiding sensors of your own, used beside those of the project.
     progress : callable, optional
@@ -78,7 +79,10 @@ def process(
     ------
     ConfigError, InputError, AlignmentError, FilterError
     """
-    project = as_project(config)
+    chosen = any_project(config)
+    if isinstance(chosen, DeadReckoningProject):
+        return _process_drive(chosen)
+    project = chosen
     tell = progress or silent
     clock = Clock()
     build, smoothing = builder_of(project.filter.estimator), project.smoother.method == "rts"
@@ -137,7 +141,7 @@ def run_project(
     from navfuse.io.atomic import atomic_folder, refuse_to_replace
     from navfuse.io.result_folder import RUN_NAMES, write_result
 
-    project = load_project(path)
+    project = any_project(path)
     refuse_to_replace(project_inputs(project, path), folder, RUN_NAMES)
     with atomic_folder(folder, stale=RUN_NAMES) as staging:
         result = process(project, progress=progress)
@@ -149,8 +153,22 @@ def run_project(
     return result
 
 
-def project_inputs(project: Project, path: str | os.PathLike[str]) -> list[Path]:
+def _process_drive(project: DeadReckoningProject) -> Result:
+    from navfuse.dead_reckoning_run import process_drive
+
+    with collected_warnings() as caught:
+        result = process_drive(project)
+    notes = tuple(dict.fromkeys(str(entry.message) for entry in caught if issubclass(entry.category, NavfuseWarning)))
+    verdict = {**result.summary["verdict"], "warnings": len(notes)}
+    return replace(result, warnings=notes, summary={**result.summary, "verdict": verdict, "warnings": list(notes)})
+
+
+def project_inputs(project: Project | DeadReckoningProject, path: str | os.PathLike[str]) -> list[Path]:
     """The files that a project reads: its own and its logs."""
+    if isinstance(project, DeadReckoningProject):
+        from navfuse.dead_reckoning_run import inputs_of
+
+        return inputs_of(project, Path(path))
     return [Path(path), *(file for file in (project.imu.file, project.gnss.file) if file is not None)]
 
 

@@ -27,9 +27,9 @@ def run(
 
     Writes forward.parquet, smoothed.parquet, innovations.parquet, summary.json and report.html.
     """
-    from navfuse.config import load_project
+    from navfuse.config import any_project
 
-    load_project(project)
+    any_project(project)
     with compilation(quiet), progress(quiet) as tell:
         from navfuse.pipeline import run_project
 
