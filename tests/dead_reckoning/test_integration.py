@@ -270,6 +270,13 @@ def test_a_track_across_the_date_line():
     np.testing.assert_allclose(plain.innovations.z, across.innovations.z, atol=1e-6)
 
 
+def test_a_single_fix_is_enough():
+    track, fixes, _ = drawn(10)
+    found = integrate(track, fixes.take(slice(3, 4)), MODEL)
+    assert len(found.innovations) == 2
+    assert found.smoothed.sd_position[6, 0] < 2.0 < found.forward.sd_position[0, 0]
+
+
 def test_what_it_refuses():
     track, fixes, _ = drawn(9)
     with pytest.raises(ConfigError, match='frame = "enu" must be "ned" or "ecef"'):
@@ -284,6 +291,12 @@ def test_what_it_refuses():
         at_epochs(replace(track, velocity_n=None), track.time[:3])
     with pytest.raises(InputError, match="no fix lies inside; are both on one time scale"):
         integrate(track, replace(fixes, time=fixes.time + 1e5))
+    stuck = track.time.copy()
+    stuck[4] = stuck[3]
+    with pytest.raises(InputError, match=r"dr: row 4 at 1\.500 s is not later than the one before"):
+        integrate(replace(track, time=stuck), fixes)
+    with pytest.raises(InputError, match="gnss: row 1 at"):
+        integrate(track, replace(fixes, time=fixes.time[::-1].copy()))
     with pytest.raises(InputError, match="nothing in it can be used: velocity"):
         integrate(track, replace(fixes, velocity_n=None, sd_velocity=None), use=("velocity",))
     with pytest.raises(InputError, match="nothing in it can be used"):

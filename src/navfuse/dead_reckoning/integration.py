@@ -167,7 +167,7 @@ def integrate(
     ConfigError
         For an unknown word in `frame`, `feedback` or `use`.
     InputError
-        If the track has no velocity, no fix lies inside it, or as
+        If the track has no velocity, a time does not increase, no fix lies inside the track, or as
         :func:`~navfuse.dead_reckoning.checks.check_belongs_together`.
     FilterError
         If the covariance fails.
@@ -181,6 +181,12 @@ def integrate(
     if track.velocity_n is None or not np.isfinite(track.velocity_n).all():
         raise InputError(f"{track.source}: dead reckoning needs a velocity in every row: vn_mps, ve_mps, vd_mps")
     check_belongs_together(track, gnss)
+    for source, time in ((track.source, track.time), (gnss.source, gnss.time)):
+        back = np.flatnonzero(~(np.diff(time) > 0.0))
+        if back.size:
+            raise InputError(
+                f"{source}: row {back[0] + 1} at {time[back[0] + 1]:.3f} s is not later than the one before"
+            )
     ecef = frame == "ecef"
     rows = np.flatnonzero((gnss.time >= track.time[0]) & (gnss.time <= track.time[-1]))
     fixes = gnss.take(rows)

@@ -128,40 +128,50 @@ def run_forward(
                 for j in range(m):
                     z[i] -= H[i, j] * at[j]
             _note(z, H, R, cov, C, per_metre, what == 0, record[k, what])
+            limit = gate
+            to, spread = at, cov
             if state == WITHHELD:
-                record[k, what, 1] = update(at.copy(), cov.copy(), z, H, R, np.inf)
-                continue
-            nis = update(at, cov, z, H, R, gate)
-            record[k, what, 1] = nis
-            if np.isnan(nis):
-                return k
-            if nis <= gate:
-                rejected[what] = 0
-                continue
-            record[k, what, 0] = REJECTED
-            if rejected[what] == 0:
-                since[what] = time[k]
-            rejected[what] += 1
-            if rejected[what] >= FEWEST_REJECTED and time[k] - since[what] >= patience:
-                first = 3 if what == 0 else 0
-                for i in range(3):
-                    cov[first + i, first + i] += z[i] * z[i]
+                limit = np.inf
+                to, spread = at.copy(), cov.copy()
+            for attempt in range(2):
+                nis = update(to, spread, z, H, R, limit)
+                if attempt == 1:
+                    break
+                record[k, what, 1] = nis
+                if np.isnan(nis):
+                    return k
+                if nis <= gate or state == WITHHELD:
+                    rejected[what] = rejected[what] if state == WITHHELD else 0
+                    break
+                record[k, what, 0] = REJECTED
+                if rejected[what] == 0:
+                    since[what] = time[k]
+                rejected[what] += 1
+                if rejected[what] < FEWEST_REJECTED or time[k] - since[what] < patience:
+                    break
+                _doubt(cov, z, 3 if what == 0 else 0)
                 # What is added here counts as noise of the step that led here, so that the smoother knows of it.
                 if what == 0 or use_p[k] != USED or record[k, 0, 0] != USED:
                     x_before[k] = at
                     P_before[k] = cov
                 else:
-                    for i in range(3):
-                        P_before[k, first + i, first + i] += z[i] * z[i]
-                update(at, cov, z, H, R, np.inf)
+                    _doubt(P_before[k], z, 0)
                 record[k, what, 0] = RESET
                 rejected[what] = 0
+                limit = np.inf
         x[k] = at
         P[k] = cov
         for i in range(m):
             if not cov[i, i] > 0.0:
                 return k
     return -1
+
+
+@fused
+def _doubt(cov, z, first):
+    """Enlarge the variances of three states from `first` on by squared innovations. No checks are made."""
+    for i in range(3):
+        cov[first + i, first + i] += z[i] * z[i]
 
 
 @fused
