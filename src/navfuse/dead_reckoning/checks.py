@@ -41,6 +41,19 @@ def check_belongs_together(track: Trajectory, gnss: GnssLog) -> None:
         )
 
 
+def check_order(source: str, time: Array) -> None:
+    """Refuse times that do not increase.
+
+    Raises
+    ------
+    InputError
+        Names the row.
+    """
+    back = np.flatnonzero(~(np.diff(time) > 0.0))
+    if back.size:
+        raise InputError(f"{source}: row {back[0] + 1} at {time[back[0] + 1]:.3f} s is not later than the one before")
+
+
 def check_speed_unit(odometer: OdometerLog, gnss: GnssLog) -> None:
     """Refuse speeds that are those of GNSS in another unit.
 
