@@ -184,6 +184,8 @@ def test_what_it_refuses():
     steps, fixes, start, _, _ = drawn(6)
     with pytest.raises(InputError, match="no fix lies inside"):
         filter_odometry(steps, replace(fixes, time=fixes.time - 1e5), start)
+    with pytest.raises(InputError, match=r"gnss: row 1 at .* is not later"):
+        filter_odometry(steps, replace(fixes, time=fixes.time[::-1].copy()), start)
     with pytest.raises(FilterError, match="the odometry filter failed at"):
         filter_odometry(steps, replace(fixes, sd_position=np.full_like(fixes.sd_position, np.nan)), start)
     with pytest.raises(ConfigError, match="turn_noise = -1.0 must be finite and not negative"):

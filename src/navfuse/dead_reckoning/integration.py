@@ -34,7 +34,7 @@ from navfuse.data.logs import GnssLog
 from navfuse.data.result import Innovations, Result, StateHistory
 from navfuse.data.trajectory import Trajectory
 from navfuse.dead_reckoning import kernels
-from navfuse.dead_reckoning.checks import check_belongs_together
+from navfuse.dead_reckoning.checks import check_belongs_together, check_order
 from navfuse.dead_reckoning.odometry import metres_per_radian
 from navfuse.errors import ConfigError, FilterError, InputError
 
@@ -181,12 +181,8 @@ def integrate(
     if track.velocity_n is None or not np.isfinite(track.velocity_n).all():
         raise InputError(f"{track.source}: dead reckoning needs a velocity in every row: vn_mps, ve_mps, vd_mps")
     check_belongs_together(track, gnss)
-    for source, time in ((track.source, track.time), (gnss.source, gnss.time)):
-        back = np.flatnonzero(~(np.diff(time) > 0.0))
-        if back.size:
-            raise InputError(
-                f"{source}: row {back[0] + 1} at {time[back[0] + 1]:.3f} s is not later than the one before"
-            )
+    check_order(track.source, track.time)
+    check_order(gnss.source, gnss.time)
     ecef = frame == "ecef"
     rows = np.flatnonzero((gnss.time >= track.time[0]) & (gnss.time <= track.time[-1]))
     fixes = gnss.take(rows)

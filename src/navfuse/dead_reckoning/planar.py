@@ -24,7 +24,7 @@ from navfuse.data.logs import GnssLog
 from navfuse.data.result import Innovations, Result, StateHistory
 from navfuse.data.trajectory import Trajectory, wrapped
 from navfuse.dead_reckoning import planar_kernels
-from navfuse.dead_reckoning.checks import check_belongs_together
+from navfuse.dead_reckoning.checks import check_belongs_together, check_order
 from navfuse.dead_reckoning.integration import STATUS
 from navfuse.dead_reckoning.odometry import StartPoint, Steps, chords, metres_per_radian
 from navfuse.dead_reckoning.planar_kernels import BIAS, HEADING, SCALE, STATES
@@ -178,7 +178,7 @@ def filter_odometry(
     Raises
     ------
     InputError
-        As :func:`~navfuse.dead_reckoning.checks.check_belongs_together`.
+        As :func:`~navfuse.dead_reckoning.checks.check_belongs_together`, and for times that do not increase.
     FilterError
         If the covariance fails.
 
@@ -191,6 +191,7 @@ def filter_odometry(
     model = OdometryModel() if model is None else model
     n = steps.time.size
     check_belongs_together(Trajectory(steps.time, *np.zeros((3, n)), source=steps.source), gnss)
+    check_order(gnss.source, gnss.time)
     rows = np.flatnonzero((gnss.time >= steps.time[0]) & (gnss.time <= steps.time[-1]))
     fixes = gnss.take(rows)
     at = np.searchsorted(steps.time, fixes.time)
