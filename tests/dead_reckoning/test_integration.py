@@ -312,3 +312,12 @@ def test_what_it_refuses():
     ):
         with pytest.raises(ConfigError, match=message):
             DrModel(**values)
+
+
+def test_a_smoother_that_fails_says_where(monkeypatch):
+    from navfuse.dead_reckoning import kernels
+
+    track, fixes, _ = drawn(11)
+    monkeypatch.setattr(kernels, "run_backward", lambda *arrays: 8)
+    with pytest.raises(FilterError, match=r"the DR/GNSS smoother failed at 4\.000 s"):
+        integrate(track, fixes, MODEL)

@@ -194,3 +194,10 @@ def test_what_it_refuses():
         OdometryModel(sd_heading=0.0)
     with pytest.raises(ConfigError, match="gate_probability = 2"):
         OdometryModel(gate_probability=2.0)
+
+
+def test_a_smoother_that_fails_says_where(monkeypatch):
+    steps, fixes, start, _, _ = drawn(6)
+    monkeypatch.setattr(planar_kernels, "run_backward", lambda *arrays: 5)
+    with pytest.raises(FilterError, match=r"the odometry smoother failed at 1\.000 s"):
+        filter_odometry(steps, fixes, start, MODEL, lever=LEVER)
