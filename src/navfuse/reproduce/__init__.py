@@ -37,6 +37,14 @@ STUDIES = {
     "gyro-magnetometer": Entry("attitude_systems:heading", "Heading from a gyro and a compass, two states (lecture)"),
     "ahrs": Entry("attitude_systems:ahrs", "Attitude and heading reference beside VQF", "broad"),
     "first-ins-gnss": Entry("planar_tutorial", "A first INS/GNSS in the plane (tutorial, NASA 2015)"),
+    "gnss-course": Entry(
+        "gnss_course", "Positions, velocities and clock of a receiver (lecture, Workshops 1 and 2)", "ucl-comp0130"
+    ),
+    "dr-gnss": Entry(
+        "dr_gnss", "Odometer and compass of a car with GNSS (lecture, Workshop 3)", "ucl-comp0130, groves-profiles"
+    ),
+    "lawnmower": Entry("lawnmower", "Lawnmower with raw GNSS, wheels, gyro and compass (lecture)", "ucl-comp0130"),
+    "robot-mower": Entry("robot_mower", "Robot mower between rare RTK fixes (CMU Plaza 1)", "cmu-plaza"),
 }
 """Name -> study."""
 
