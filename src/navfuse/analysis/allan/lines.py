@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import itertools
 import math
 
@@ -91,7 +93,7 @@ def _refine(values: Array, rate: float, frequency: float, width: float) -> float
     """Frequency at which the fitted sinusoid is largest, within a bin of the peak."""
     from scipy.optimize import minimize_scalar
 
-    found = minimize_scalar(
+    found: Any = minimize_scalar(
         lambda f: -_fit(values, rate, f)[0],
         bounds=(frequency - width, frequency + width),
         method="bounded",
