@@ -21,7 +21,7 @@ import numpy as np
 
 from navfuse.aiding.base import AidingSensor
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
-from navfuse.analysis.plausibility import run_warnings, silence
+from navfuse.analysis.plausibility import run_findings, silence
 from navfuse.analysis.summary import describe_imu, summarize_run
 from navfuse.config import DeadReckoningProject, Project, any_project, load_project
 from navfuse.data.imu_overview import ImuOverview
@@ -101,8 +101,8 @@ def process(
                 f"output.rate_hz = {project.output.rate_hz:g} puts out nothing in the {length:.1f} s of the log; give "
                 "a larger one"
             )
-        contradictions = run_warnings(result, project.gnss.outages_s)
-        for note in (*contradictions, *silence(result, project.gnss.outages_s)):
+        findings = run_findings(result, project.gnss.outages_s)
+        for note in (*(one.text for one in findings), *silence(result, project.gnss.outages_s)):
             _warn(note)
     result = replace(result, warnings=tuple(dict.fromkeys(_texts(caught))))
     summary = summarize_run(
@@ -113,7 +113,7 @@ def process(
         model=prepared.model,
         alignments=[run.alignment for run in runs],
         seconds=clock.seconds,
-        contradicted=bool(contradictions),
+        contradicted=any(one.level == "bad" for one in findings),
         exclude=project.gnss.outages_s,
     )
     return replace(result, summary=summary)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from navfuse.analysis.export_track import export_track
+from navfuse.analysis.export_track import export_track, lever_arm_of
 from navfuse.analysis.interpolation import earth_states
 from navfuse.core.rotation import dcm_from_euler
 from navfuse.data.gps_epoch import GpsEpoch
@@ -243,7 +243,20 @@ def test_fix_types_and_satellites():
     assert track.n_satellites.tolist() == [5, 6, 7, 7, 7, 0, 0, 0, 0, 8, 8, 8, 0]
     rejected = export_track(result(used=(0, 1, 3), fixes=fixes(**kinds)))
     assert rejected.fix.tolist()[:5] == ["single", *["rtk-float"] * 3, "none"]
-    assert export_track(result(fixes=fixes())).fix is None
+    untyped = export_track(result(fixes=fixes())).fix
+    assert untyped.tolist() == ["none" if kind == "none" else "" for kind in track.fix.tolist()]
+    offered = result(fixes=fixes(**kinds))
+    refused = replace(offered.innovations, status=np.array(["rejected", "withheld", "rejected", "late"]))
+    nothing = export_track(replace(offered, innovations=refused))
+    assert set(nothing.fix.tolist()) == {"none"}
+    assert not nothing.n_satellites.any()
+
+
+@pytest.mark.parametrize("arm", ["abc", None, [1.0, 2.0], [1.0, 2.0, float("nan")], ["a", 1, 2], {}, 1e9])
+def test_a_damaged_lever_arm_of_a_run(arm):
+    damaged = replace(result(), summary={"settings": {"gnss": {"lever_arm_m": arm}}})
+    with pytest.raises(InputError, match=r"settings\.gnss\.lever_arm_m = "):
+        lever_arm_of("antenna", damaged)
     assert export_track(result()).n_satellites is None
 
 

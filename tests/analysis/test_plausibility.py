@@ -45,13 +45,14 @@ def test_what_is_a_little_off_is_quiet(scatter):
 
 
 def test_innovations_larger_than_claimed():
-    (warning,) = run_warnings(result(3.0, rejected=8))
+    warning, refused = run_warnings(result(3.0, rejected=8))
+    assert refused.startswith("fixes were offered and refused: 8 in a row from 0.0 s to 7.0 s")
     assert warning.startswith("innovations are larger than claimed: gnss_position 3.0 times (2.0 % rejected);")
     assert "imu.time_offset_s" in warning
 
 
 def test_outliers_are_not_blamed_on_the_sigmas():
-    (warning,) = run_warnings(result(rejected=40))
+    warning, _ = run_warnings(result(rejected=40))
     assert warning.startswith("10.0 % of gnss_position rejected; what was used agrees with its standard deviations")
 
 

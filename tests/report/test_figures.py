@@ -11,6 +11,7 @@ import pytest
 
 import navfuse
 from navfuse.analysis.metrics import errors
+from navfuse.analysis.separation import separation
 from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.data.imu_overview import ImuOverview
 from navfuse.data.result import Innovations, StateHistory
@@ -227,12 +228,26 @@ def test_a_longer_truth_does_not_widen_the_motion(drive, make_drive):
     assert "truth" not in labels_of(figure_map(result, elsewhere))
 
 
+def test_spikes_do_not_hide_the_band(drive):
+    result, _ = drive
+    track = result.forward
+    height = track.height.copy()
+    height[[300, 900]] += (500.0, -500.0)
+    calm = figure_separation(result).axes
+    spiky = figure_separation(replace(result, forward=replace(track, height=height))).axes
+    down = next(k for k, axes in enumerate(calm) if axes.get_ylabel().startswith("down"))
+    assert spiky[down].get_ylim()[1] < 3.0 * calm[down].get_ylim()[1]
+    marks = [line for line in spiky[down].lines if line.get_label() == "beyond the axis"]
+    assert [line.get_marker() for line in marks] == ["v", "^"]
+    assert not [line for line in calm[down].lines if line.get_label() == "beyond the axis"]
+
+
 def test_sigmas_and_separation(drive):
     result, _ = drive
     axes = figure_sigmas(result).axes
     assert axes[0].get_yscale() == "log"
     same(lines(axes[0])["smoother"], result.smoothed.time, result.smoothed.sd_position[:, 0])
-    found = quality.separation(result.forward, result.smoothed)
+    found = separation(result.forward, result.smoothed)
     figure = figure_separation(result)
     same(lines(figure.axes[0])["filter − smoother"], found.time, found.position[:, 0])
     assert lines(figure_separation(result, skip_s=60.0).axes[0])["filter − smoother"][0].min() == 1060.0

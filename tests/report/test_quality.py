@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from navfuse.analysis.metrics import errors, summarize
+from navfuse.analysis.separation import separation
 from navfuse.data.result import Innovations, Result
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import InputError
@@ -21,7 +22,6 @@ from navfuse.report.quality import (
     realised_sigma,
     residual_histogram,
     running_nis,
-    separation,
 )
 
 

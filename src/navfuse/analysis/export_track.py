@@ -141,24 +141,40 @@ def lever_arm_of(point: Point, result: Result | None) -> tuple[Array, str]:
     ------
     ConfigError
         If it is no point, or the antenna of a trajectory that comes without the settings of its run.
+    InputError
+        If the lever arm among these settings is none.
     """
     if isinstance(point, str):
         if point == "imu":
             return np.zeros(3), "IMU"
         if point != "antenna":
             raise ConfigError(f'point = "{point}": "imu", "antenna", or three numbers: forward, right, down [m]')
-        settings = {} if result is None else result.summary.get("settings", {})
-        arm = settings.get("gnss", {}).get("lever_arm_m")
-        if arm is None:
+        settings = {} if result is None else result.summary.get("settings", {}).get("gnss", {})
+        if not isinstance(settings, dict) or "lever_arm_m" not in settings:
             raise ConfigError(
                 'point = "antenna": the lever arm stands in the summary.json of a run, which is not here; give three '
                 "numbers instead: forward, right, down [m] from the IMU"
             )
-        return np.array(arm, dtype=np.float64), "antenna"
-    arm = np.array(point, dtype=np.float64)
-    if arm.shape != (3,) or not np.isfinite(arm).all() or np.abs(arm).max() > 1000.0:
+        arm = _arm(settings["lever_arm_m"])
+        if arm is None:
+            raise InputError(
+                f"summary.json: settings.gnss.lever_arm_m = {settings['lever_arm_m']!r}: has to be three numbers "
+                "within 1000 m: forward, right, down [m]; run the project again"
+            )
+        return arm, "antenna"
+    arm = _arm(point)
+    if arm is None:
         raise ConfigError(f"point = {point}: has to be three numbers within 1000 m: forward, right, down [m]")
     return arm, "{:g} m forward, {:g} m right, {:g} m down of the IMU".format(*arm)
+
+
+def _arm(given: object) -> Array | None:
+    """A lever arm (3,) [m] of three sensible numbers, or None."""
+    try:
+        arm = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return arm if arm.shape == (3,) and np.isfinite(arm).all() and np.abs(arm).max() <= 1000.0 else None
 
 
 def _chosen(source: Result | Trajectory, solution: str) -> Trajectory:
@@ -338,16 +354,25 @@ def _rate_against_level(motion: BodyMotion, trajectory: Trajectory) -> Array | N
 
 
 def _fixes(result: Result | None, time: Array) -> tuple[Array | None, Array | None]:
-    """Fix type and satellites of the fix that was used last before each time, where it is not too old."""
+    """Fix type and satellites of the fix that was used last before each time, where it is not too old.
+
+    A log that tells no types gives "" where a fix is near and "none" where none is: that much is known of any log.
+    Rejected and withheld fixes do not count. Only a record without any position (velocities alone) counts all fixes.
+    """
     if result is None or result.fixes is None or not result.fixes.time.size:
         return None, None
     fixes = result.fixes
-    used = np.isin(result.innovations.status, ("used", "reset")) & (result.innovations.source == "gnss_position")
-    rows = np.unique(result.innovations.row[used]) if used.any() else np.arange(fixes.time.size)
+    records = result.innovations.of("gnss_position")
+    used = records.row[np.isin(records.status, ("used", "reset"))]
+    used = used[(used >= 0) & (used < fixes.time.size)]
+    rows = np.unique(used) if len(records) else np.arange(fixes.time.size)
+    if not rows.size:
+        satellites = None if fixes.n_satellites is None else np.zeros(time.size, dtype=fixes.n_satellites.dtype)
+        return np.full(time.size, "none"), satellites
     when = fixes.time[rows]
     age = FIX_AGE_S if fixes.time.size < 2 else max(FIX_AGE_S, 1.5 * float(np.median(np.diff(fixes.time))))
     last = np.searchsorted(when, time + 1e-6, side="right") - 1
     fresh = (last >= 0) & (time - when[np.maximum(last, 0)] <= age)
     row = rows[np.maximum(last, 0)]
-    fix = None if fixes.fix is None else np.where(fresh, fixes.fix[row], "none")
+    fix = np.where(fresh, "" if fixes.fix is None else fixes.fix[row], "none")
     return fix, None if fixes.n_satellites is None else np.where(fresh, fixes.n_satellites[row], 0)

@@ -10,8 +10,9 @@ import numpy as np
 
 from navfuse import __version__
 from navfuse.analysis.consistency import NisSummary, nis_summary
+from navfuse.analysis.plausibility import worst_factor
 from navfuse.data.logs import GnssLog, ImuLog
-from navfuse.data.result import DOUBTFUL, Result
+from navfuse.data.result import Result
 from navfuse.io.result_folder import STATE_UNITS
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def summarize_run(
     seconds : dict
         Run time of each stage [s].
     contradicted : bool
-        Whether :func:`navfuse.analysis.plausibility.run_warnings` found anything.
+        Whether :func:`navfuse.analysis.plausibility.run_findings` found anything serious.
     exclude : sequence of (from, to) [s]
         Windows left out of the NIS statistics.
 
@@ -105,9 +106,8 @@ def summarize_drive(
 
 def _verdict(result: Result, consistency: dict[str, NisSummary], contradicted: bool) -> dict[str, Any]:
     """Whether the standard deviations of the run may be relied on, for programs that read thousands of summaries."""
-    factors = [one.factor for one in consistency.values() if np.isfinite(one.factor)]
-    worst = max(factors, default=None)
-    reliable = None if worst is None else worst <= DOUBTFUL and not contradicted
+    worst = worst_factor(consistency)
+    reliable = False if contradicted else None if worst is None else True
     return {"reliable": reliable, "innovations_over_claim": worst, "warnings": len(result.warnings)}
 
 

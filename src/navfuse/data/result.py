@@ -21,7 +21,8 @@ Array = np.ndarray
 STATUSES = ("used", "rejected", "withheld", "late", "reset")
 COMPONENTS = 3
 DOUBTFUL = 1.5
-"""Factor by which innovations may exceed their claimed size before a run says so."""
+"""Factor by which innovations may exceed their claimed size before the run is not to be relied on: the one threshold
+of the command line, the summary and the report page."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,10 +208,14 @@ class Result:
 
     def _doubt(self) -> str:
         """What stands behind a standard deviation that the innovations contradict."""
-        factor = self.summary.get("verdict", {}).get("innovations_over_claim")
-        if factor is None or factor < DOUBTFUL:
+        verdict = self.summary.get("verdict", {})
+        if verdict.get("reliable") is not False:
             return ""
-        return f" - NOT TO BE RELIED ON: innovations are {factor:.1f} times as large as claimed"
+        factor = verdict.get("innovations_over_claim")
+        large = factor is not None and factor > DOUBTFUL
+        return " - NOT TO BE RELIED ON: " + (
+            f"innovations are {factor:.1f} times as large as claimed" if large else "see the warnings"
+        )
 
 
 def _require_shape(name: str, array: Array, shape: tuple[int, ...]) -> None:

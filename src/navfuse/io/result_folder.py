@@ -109,7 +109,10 @@ def read_result(folder: str | os.PathLike[str]) -> Result:
     if "forward" not in found:
         raise InputError(f"{folder}: no forward.parquet or forward.csv in this folder; is it that of a run?")
     summary = _read_json(folder / "summary.json")
-    epoch = summary.get("epoch_week_s")
+    for name in ("settings", "verdict"):
+        if not isinstance(summary.get(name, {}), dict):
+            raise InputError(f"{folder / 'summary.json'}: {name} is no object; run the project again")
+    epoch = _epoch(summary, folder / "summary.json")
     with warnings.catch_warnings():
         # Doubts about the fixes were told when the log itself was read.
         warnings.simplefilter("ignore", NavfuseWarning)
@@ -122,10 +125,10 @@ def read_result(folder: str | os.PathLike[str]) -> Result:
         innovations=_read_innovations(found["innovations"]) if measured else Innovations.empty(),
         states=_read_states(found["states"]) if "states" in found else {},
         summary=summary,
-        warnings=tuple(summary.get("warnings", ())),
+        warnings=_texts(summary, folder / "summary.json"),
         fixes=fixes,
         imu=_overview_from_dict(overview, folder / "imu.json") if overview else None,
-        epoch=None if epoch is None else GpsEpoch.of(*epoch),
+        epoch=epoch,
     )
 
 
@@ -151,14 +154,33 @@ def _table(folder: Path, name: str) -> Path | None:
     return next((path for path in paths if path.is_file()), None)
 
 
+def _epoch(summary: Mapping[str, Any], path: Path) -> GpsEpoch | None:
+    found = summary.get("epoch_week_s")
+    if found is None:
+        return None
+    if not isinstance(found, list) or len(found) != 2 or not all(type(value) in (int, float) for value in found):
+        raise InputError(f"{path}: epoch_week_s has to be a GPS week and the seconds of it; run the project again")
+    return GpsEpoch.of(*found)
+
+
+def _texts(summary: Mapping[str, Any], path: Path) -> tuple[str, ...]:
+    found = summary.get("warnings", [])
+    if not isinstance(found, list) or not all(isinstance(text, str) for text in found):
+        raise InputError(f"{path}: warnings has to be a list of texts; run the project again")
+    return tuple(found)
+
+
 def _read_innovations(path: Path) -> Innovations:
     table = open_table(path)
-    numbers = [name for name in table.names if name not in ("source", "status")]
-    values = table.read(numbers, ["source", "status"])
-    wanted = Innovations.empty().to_columns()
+    texts = ("source", "status")
+    wanted = tuple(Innovations.empty().to_columns())
     missing = [name for name in wanted if name not in table.names]
     if missing:
-        raise InputError(f"{path}: not a table of innovations, it lacks {', '.join(missing)}")
+        raise InputError(f"{path}: not a table of innovations, it lacks {', '.join(missing)}; run the project again")
+    values = table.read([name for name in wanted if name not in texts], texts)
+    for name in ("dof", "row"):
+        if not np.isfinite(values[name]).all():
+            raise InputError(f"{path}: the column '{name}' holds values that are no numbers; run the project again")
     z, sd = (np.column_stack([values[f"{name}_{k + 1}"] for k in range(COMPONENTS)]) for name in ("z", "sd"))
     dof, row = (values[name].astype(np.int64) for name in ("dof", "row"))
     source, status = (np.asarray(values[name]).astype(np.str_) for name in ("source", "status"))
@@ -167,6 +189,8 @@ def _read_innovations(path: Path) -> Innovations:
 
 def _read_states(path: Path) -> dict[str, StateHistory]:
     table = open_table(path)
+    if "time_s" not in table.names:
+        raise InputError(f"{path}: not a table of sensor states, it lacks time_s; run the project again")
     values = table.read(list(table.names))
     time = values["time_s"]
     blocks: dict[str, list[tuple[Array, Array]]] = {}
@@ -203,8 +227,22 @@ def _overview_from_dict(data: Mapping[str, Any], path: Path) -> ImuOverview:
     def array(name: str) -> Array:
         if name not in data:
             raise InputError(f"{path}: lacks {name}; run the project again")
-        return np.array(data[name], dtype=np.float64)
+        try:
+            values = np.array(data[name], dtype=np.float64)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InputError(f"{path}: {name} has to hold numbers; run the project again") from error
+        shape = shapes.get(name, (None,))
+        if values.ndim != len(shape) or any(n not in (None, m) for n, m in zip(shape, values.shape, strict=True)):
+            if not values.size and len(shape) == 2:
+                return np.empty((0, 3))
+            raise InputError(f"{path}: {name} has the wrong shape {values.shape}; run the project again")
+        return values
 
+    shapes: dict[str, tuple[int | None, ...]] = {
+        "usual_rate_hz": (),
+        "gyro_psd_rad2ps2phz": (None, 3),
+        "accel_psd_m2ps4phz": (None, 3),
+    }
     return ImuOverview(
         time=array("time_s"),
         rate=array("rate_hz"),
@@ -212,8 +250,8 @@ def _overview_from_dict(data: Mapping[str, Any], path: Path) -> ImuOverview:
         gap_start=array("gap_start_s"),
         gap_length=array("gap_length_s"),
         frequency=array("frequency_hz"),
-        gyro_psd=array("gyro_psd_rad2ps2phz").reshape(-1, 3),
-        accel_psd=array("accel_psd_m2ps4phz").reshape(-1, 3),
+        gyro_psd=array("gyro_psd_rad2ps2phz"),
+        accel_psd=array("accel_psd_m2ps4phz"),
     )
 
 

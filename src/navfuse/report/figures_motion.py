@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from navfuse.analysis.metrics import ErrorSeries, errors
+from navfuse.analysis.separation import separation
 from navfuse.data.result import Result
 from navfuse.data.trajectory import Trajectory
 from navfuse.report.curves import AXES, UNITS, solutions_of
-from navfuse.report.figures_panels import band, broken, cloud, curve, finish, grid_of
+from navfuse.report.figures_panels import band, beyond_edge, broken, cloud, curve, finish, grid_of
 from navfuse.report.figures_style import (
     COLORS,
     LINES,
@@ -28,7 +29,7 @@ from navfuse.report.figures_style import (
 )
 from navfuse.report.map_panel import MAP_POINTS
 from navfuse.report.measurement_panels import STATUS_NAMES
-from navfuse.report.quality import error_cdf, position_percentiles, separation
+from navfuse.report.quality import error_cdf, position_percentiles
 from navfuse.report.series import NAMES, break_wraps, decimate, east_north, fix_status, origin_of
 
 if TYPE_CHECKING:
@@ -43,6 +44,8 @@ KILOMETRES_FROM_M = 5000.0
 MAP_MARGIN = 0.05
 INSIDE_PERCENT = (1.0, 99.0)
 MOST_CDF_PERCENT = 99.9
+SPIKES = 3.0
+"""Differences that reach so many times beyond what 95 % of the epochs and the 3-sigma band need are cut off."""
 
 
 def figure_map(result: Result, truth: Trajectory | None = None, *, size: Size = "double") -> Figure:
@@ -321,7 +324,8 @@ def _components(
     with drawing(paper, _height(blocks, paper)) as figure:
         grid, places = _places(figure, blocks, paper)
         for (block, k), axes in places.items():
-            reach = 0.0
+            reach = usual = 0.0
+            drawn = []
             for role, entry in series.items():
                 values, sd = getattr(entry, block), getattr(entry, f"sd_{block}")
                 if values is None:
@@ -331,9 +335,15 @@ def _components(
                 if sd is not None:
                     limit = 3.0 * sd[:, k] * UNITS[block][1]
                     band(axes, at, -limit, limit, color=COLORS[role], label=f"{label or NAMES[role]} ±3σ")
-                    reach = max(reach, _percentile(limit, 95.0))
+                    reach, usual = max(reach, _percentile(limit, 95.0)), max(usual, _percentile(limit, 95.0))
                 curve(axes, at, value, color=COLORS[role], linestyle=LINES[role], label=label or NAMES[role])
+                drawn.append((role, at, value))
                 reach = max(reach, _percentile(np.abs(value), 100.0))
+                usual = max(usual, _percentile(np.abs(value), 95.0))
+            if 0.0 < SPIKES * usual < reach:
+                reach = usual
+                for role, at, value in drawn:
+                    beyond_edge(axes, at, value, 1.08 * reach, COLORS[role])
             if reach > 0.0:
                 axes.set_ylim(-1.08 * reach, 1.08 * reach)
             axes.set_ylabel(f"{AXES[block][k]} [{UNITS[block][0]}]")

@@ -27,6 +27,7 @@ FEW_POINTS = 600
 BREAK_STEPS, BREAK_S = 5.0, 1.0
 """A curve breaks where a step is longer than so many usual ones and than so many seconds."""
 NO_FIX = "no position fix used"
+BEYOND = "beyond the axis"
 
 
 def grid_of(figure: Figure, rows: int, columns: int) -> Array:
@@ -99,6 +100,18 @@ def clouds(
                         x[beyond], np.full(int(beyond.sum()), limit), marker, color=color, markersize=3.0,
                         markeredgewidth=0.0, linestyle="none", clip_on=False, zorder=3.0,
                     )  # fmt: skip
+
+
+def beyond_edge(axes: Axes, x: Array, y: Array, limit: float, color: str) -> None:
+    """Triangles that point out, at the edges of a panel from -limit to limit, where a curve leaves it."""
+    for beyond, edge, marker in ((y < -limit, -limit, "v"), (y > limit, limit, "^")):
+        rows = np.flatnonzero(beyond)
+        if rows.size:
+            rows = rows[np.unique(np.linspace(0, rows.size - 1, 200).astype(np.int64))]
+            axes.plot(
+                x[rows], np.full(rows.size, edge), marker, color=color, markersize=3.0, markeredgewidth=0.0,
+                linestyle="none", clip_on=False, zorder=3.0, label=BEYOND,
+            )  # fmt: skip
 
 
 def shade(panels: Sequence[Axes], clock: Clock, result: Result) -> None:

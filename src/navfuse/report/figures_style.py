@@ -297,7 +297,7 @@ def log_axis(axes: Axes, values: Array, which: str = "y") -> None:
     axis = axes.xaxis if which == "x" else axes.yaxis
     decades = np.log10(high / low)
     if decades < 0.8:
-        axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+        axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10], min_n_ticks=3))
         axis.set_minor_formatter(NullFormatter())
     else:
         subs = (1.0, 2.0, 5.0) if decades < 2.0 else (1.0,)

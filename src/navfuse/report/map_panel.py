@@ -90,7 +90,11 @@ def fix_groups(fixes: GnssLog) -> list[tuple[str, str, Array]]:
 def _clouds(scene: Scene, plane: Array, status: Array) -> list[Curve]:
     fixes = scene.result.fixes
     assert fixes is not None
-    groups = [(f"{label(name)} ({rows.size})", role, rows) for name, role, rows in fix_groups(fixes)]
+    groups = []
+    for name, role, rows in fix_groups(fixes):
+        used = int(np.count_nonzero(np.isin(status[rows], ("used", "reset"))))
+        number = str(rows.size) if used == rows.size else f"{used} used of {rows.size}"
+        groups.append((f"{label(name)} ({number})", role, rows))
     for fate, words in FATES.items():
         rows = np.flatnonzero(status == fate)
         groups.append((f"{words} ({rows.size})", fate, rows))

@@ -18,6 +18,7 @@ from string import Template
 
 from navfuse.analysis.consistency import nis_summary
 from navfuse.analysis.metrics import ErrorSeries, errors, summarize
+from navfuse.analysis.separation import separation
 from navfuse.data.result import Result
 from navfuse.data.trajectory import Trajectory
 from navfuse.errors import InputError
@@ -27,8 +28,8 @@ from navfuse.report.clock import clock_of, utc_text
 from navfuse.report.curves import Scene, solutions_of
 from navfuse.report.packing import pack
 from navfuse.report.panels import map_panel, page_panels, shading
-from navfuse.report.quality import position_percentiles, separation
-from navfuse.report.series import withheld_windows
+from navfuse.report.quality import position_percentiles
+from navfuse.report.series import excluded_windows
 from navfuse.report.verdict import judge
 
 SCRIPTS = ("page_base.js", "page_plots.js", "page_map.js", "page_window.js", "page_main.js")
@@ -147,7 +148,7 @@ def scene_of(result: Result, truth: Trajectory | None = None, *, bare: bool = Fa
         When the truth cannot be compared with the result.
     """
     series = {} if truth is None else {role: errors(one, truth) for role, one in solutions_of(result).items()}
-    windows = [(window.start, window.end) for window in withheld_windows(result.innovations)]
+    windows = excluded_windows(result.innovations)
     apart, why = None, "a trajectory alone was given" if bare else "no smoother was run (smoother.method)"
     if result.smoothed is not None:
         try:

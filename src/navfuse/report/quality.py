@@ -1,4 +1,4 @@
-"""What the page and the figures show beside the solution itself: separation, residuals, gates, realised sigmas, CDF.
+"""What the page and the figures show beside the solution itself: residuals, gates, realised sigmas, CDF.
 
 Pure functions of a result; nothing here draws. The windows are counted in measurements, not in seconds, so that the
 chi-square bounds that belong to them depend on the window alone.
@@ -6,15 +6,13 @@ chi-square bounds that belong to them depend on the window alone.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from navfuse.analysis.consistency import PROBABILITY, average_bounds
-from navfuse.analysis.metrics import ErrorSeries, errors
+from navfuse.analysis.metrics import ErrorSeries
 from navfuse.data.result import Innovations, Result
-from navfuse.data.trajectory import Trajectory
 from navfuse.filters.gate import Gate
 from navfuse.filters.settings import FilterSettings
 
@@ -27,7 +25,6 @@ FEWEST = 5
 REACH = 5.0
 BINS = 40
 TAKEN = ("used", "reset")
-BLOCKS = ("position", "velocity", "attitude")
 STATED = {"gnss_position": "sd_position", "gnss_velocity": "sd_velocity"}
 
 
@@ -130,41 +127,6 @@ class Percentiles(NamedTuple):
     le50: float
     le95: float
     n: int
-
-
-def separation(forward: Trajectory, smoothed: Trajectory) -> ErrorSeries:
-    """Filter minus smoother, with the standard deviation that this difference has when both are optimal.
-
-    The error of an optimal smoother is uncorrelated with everything that can be computed of the measurements, the
-    difference among it, so that P_f = P_s + cov(x_f - x_s): the difference has the covariance P_f - P_s (Gelb (ed.),
-    *Applied Optimal Estimation* (1974), section 5.4, uses it to tell which states smoothing can improve). A difference
-    far outside three of these standard deviations shows a wrong model without any truth.
-
-    Parameters
-    ----------
-    forward, smoothed : Trajectory
-
-    Returns
-    -------
-    ErrorSeries
-        At the smoother's times. ``sd_position`` and the others are sqrt(sd_f^2 - sd_s^2), 0 where the smoother
-        claims no more than the filter.
-
-    Raises
-    ------
-    InputError
-        When one of them has fewer than two epochs, or they have no time in common.
-    """
-    found = errors(forward, replace(smoothed, sd_position=None, sd_velocity=None, sd_attitude=None))
-    keep = np.searchsorted(smoothed.time, found.time)
-    change = {}
-    for name in (f"sd_{block}" for block in BLOCKS):
-        sd, late = getattr(found, name), getattr(smoothed, name)
-        if sd is None or late is None:
-            change[name] = None
-        else:
-            change[name] = np.sqrt(np.maximum(sd**2 - late[keep] ** 2, 0.0))
-    return replace(found, **change)
 
 
 def normalised(innovations: Innovations) -> Array:

@@ -138,6 +138,11 @@ def withheld_windows(innovations: Innovations) -> list[Window]:
     return windows
 
 
+def excluded_windows(innovations: Innovations) -> list[tuple[float, float]]:
+    """The withheld windows [from, to) [s], as statistics leave them out."""
+    return [(window.start, float(np.nextafter(window.end, np.inf))) for window in withheld_windows(innovations)]
+
+
 def fix_status(result: Result) -> Array | None:
     """Status (n,) of every GNSS fix as a position, "unused" where the filter never saw it; None without fixes."""
     if result.fixes is None:

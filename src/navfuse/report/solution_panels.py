@@ -62,7 +62,8 @@ def separation_panels(scene: Scene) -> list[Panel]:
         return [panel(title, "", [], "Separation", why=scene.why_not_apart)]
     note = (
         "Two solutions of the same data: when both are right, the difference has the covariance of the filter less "
-        "that of the smoother and stays inside three of its standard deviations (shaded). No truth is needed."
+        "that of the smoother and stays inside three of its standard deviations (shaded). No truth is needed. "
+        "Spikes far beyond what 95 % of the epochs need leave the picture."
     )
     series = {"difference": scene.apart}
     return [_deviations(scene, block, series, f"{title}: {block}", note, "Separation") for block in AXES]

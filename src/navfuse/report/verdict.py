@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,23 +10,23 @@ import numpy as np
 
 from navfuse.analysis.consistency import NisSummary
 from navfuse.analysis.metrics import ErrorMetrics, ErrorSeries
+from navfuse.analysis.plausibility import ADVICE, run_findings
+from navfuse.analysis.plausibility import APART as PLAINLY_APART
+from navfuse.analysis.separation import separation_factors
 from navfuse.data.gps_epoch import GpsEpoch
 from navfuse.data.result import DOUBTFUL, Result
 from navfuse.report.clock import utc_clock, utc_text
-from navfuse.report.series import POSITION_SOURCE, distance, gaps, withheld_windows
+from navfuse.report.series import POSITION_SOURCE, Window, distance, excluded_windows, gaps, withheld_windows
 
 OVERCONFIDENT = 1.25
-WILDLY_OVERCONFIDENT = 2.0
 PESSIMISTIC = 1.5
-REJECTED = 0.05
-REJECTED_BADLY = 0.30
 CORRELATED = 0.3
 INSIDE = 0.95
 INSIDE_BADLY = 0.80
 LONG_GAP_S = 10.0
 APART = 1.5
-LONG_ENOUGH_S = 300.0
-"""Shorter runs hold too few independent differences of filter and smoother to conclude from."""
+SILENT = "no fix was used from "
+"""Beginning of the warning of :func:`navfuse.analysis.plausibility.silence`."""
 
 HEADLINES = {
     "good": "This run looks sound",
@@ -98,13 +99,17 @@ def judge(
     bare : bool
         The result is a trajectory alone: that it has no measurements is no fault.
     """
-    points = [] if bare else _measurement_points(result, consistency)
+    findings = [] if bare else run_findings(result, excluded_windows(result.innovations), apart)
+    points = [Point(one.level, readable(one.text)) for one in findings]
+    points += [] if bare else _measurement_points(result, consistency)
     points += [*_truth_points(metrics), *_separation_points(apart)]
-    points += [Point("check", text) for text in result.warnings]
+    told = {_head(one.text) for one in findings}
+    points += [Point("check", readable(text)) for text in result.warnings if _head(text) not in told]
     order = {"bad": 0, "check": 1, "info": 2}
     points.sort(key=lambda point: order[point.level])
+    points = _advice_once(points)
     level = points[0].level if points else "good"
-    cards = _cards(result, consistency, metrics, bare=bare)
+    cards = _cards(result, consistency, metrics, bare=bare, doubtful=level == "bad")
     return Verdict("good" if level == "info" else level, tuple(points), tuple(cards), bare)
 
 
@@ -133,25 +138,47 @@ def moment(time: float, epoch: GpsEpoch | None) -> str:
     return f"{time:.1f} s{utc_clock(epoch, time)}"
 
 
+def readable(text: str) -> str:
+    """A warning as a sentence of the page: sources by their names, and a capital where it begins with a plain word."""
+    text = re.sub(r"\bgnss_(position|velocity)\b", r"GNSS \1", text)
+    return text[:1].upper() + text[1:] if re.match(r"[a-z]+ ", text) else text
+
+
+def _advice_once(points: list[Point]) -> list[Point]:
+    """The same advice stands at the first point that gives it; the others refer to it."""
+    told, found = False, []
+    for level, text in points:
+        if told:
+            text = text.replace(f"; {ADVICE}", "; check the same as above, in the same order")
+        told = told or ADVICE[1:] in text
+        found.append(Point(level, text))
+    return found
+
+
+def _head(text: str) -> str:
+    """What a warning is about: its beginning, without numbers, which may be rounded otherwise."""
+    return re.sub(r"[-+]?\d+(\.\d+)?", "#", re.split("[:;]", text)[0])
+
+
 def _measurement_points(result: Result, consistency: dict[str, NisSummary]) -> list[Point]:
     points = []
     position = consistency.get(POSITION_SOURCE)
-    if position is None or position.counts["used"] + position.counts.get("reset", 0) == 0:
+    if position is None:
         text = (
-            "No GNSS position was used, so nothing holds the position and its error grows without limit. "
-            "Check that the logs overlap (time_offset_s), the withheld windows (outages_s) and the rejected fixes."
+            "No GNSS position was offered, so nothing holds the position and its error grows without limit, unless "
+            "another sensor does. Check gnss.file, gnss.use and that the logs overlap (imu.time_offset_s)."
         )
-        points.append(Point("bad", text))
+        points.append(Point("check" if any(one.n for one in consistency.values()) else "bad", text))
     for source, summary in consistency.items():
-        name = source.replace("_", " ")
-        points += _source_points(name, summary)
+        points += _source_points(readable(source).replace("_", " "), summary)
     longest = gaps(result)[:1]
-    if position is not None and longest and longest[0].end - longest[0].start > LONG_GAP_S:
+    silent = any(text.startswith(SILENT) for text in result.warnings)
+    if position is not None and not silent and longest and longest[0].end - longest[0].start > LONG_GAP_S:
         gap = longest[0]
+        span = f"{moment(gap.start, result.epoch)} to {moment(gap.end, result.epoch)}"
         text = (
-            f"Longest stretch without a used position: {length(gap.end - gap.start)}, "
-            f"from {moment(gap.start, result.epoch)} to {moment(gap.end, result.epoch)}. "
-            "Within it the error grows as the standard deviations show."
+            f"Longest stretch without a used position: {length(gap.end - gap.start)}, from {span} "
+            f"({_cause(result, gap)}). Within it the error grows as the standard deviations show."
         )
         points.append(Point("info", text))
     return points
@@ -159,21 +186,12 @@ def _measurement_points(result: Result, consistency: dict[str, NisSummary]) -> l
 
 def _source_points(name: str, summary: NisSummary) -> list[Point]:
     points = []
-    used, rejected = summary.counts["used"], summary.counts["rejected"]
-    share = rejected / max(used + rejected, 1)
-    if share > REJECTED:
+    if summary.verdict.startswith("overconfident") and OVERCONFIDENT < summary.factor <= DOUBTFUL:
         text = (
-            f"{share:.0%} of the {name} measurements ({rejected}) were rejected. See on the map where: in one place "
-            "they are outliers; everywhere, their sigmas are too small, or lever arm, axes or time offset are wrong."
+            f"The {name} innovations are {summary.factor:.2f} times as large as claimed, so the errors are probably "
+            f"larger than the standard deviations by about as much; {ADVICE}."
         )
-        points.append(Point("bad" if share > REJECTED_BADLY else "check", text))
-    if summary.verdict.startswith("overconfident") and summary.factor > OVERCONFIDENT:
-        text = (
-            f"The {name} innovations are {summary.factor:.1f} times larger than claimed, so the errors are probably "
-            "larger than the standard deviations by about as much. Raise the sigmas of this sensor or the IMU noise, "
-            "and check lever arm and time offset."
-        )
-        points.append(Point("bad" if summary.factor > WILDLY_OVERCONFIDENT else "check", text))
+        points.append(Point("check", text))
     elif summary.verdict.startswith("pessimistic") and summary.factor < 1.0 / PESSIMISTIC:
         text = (
             f"The {name} innovations are {1.0 / summary.factor:.1f} times smaller than claimed: the stated sigmas are "
@@ -211,23 +229,16 @@ def _truth_points(metrics: dict[str, ErrorMetrics]) -> list[Point]:
 
 
 def _separation_points(apart: ErrorSeries | None) -> list[Point]:
-    """What filter and smoother say of each other; a long run is needed, since the differences go on for long."""
-    if apart is None or apart.time[-1] - apart.time[0] < LONG_ENOUGH_S:
+    """A difference of filter and smoother that is no finding of the run yet."""
+    factors = {} if apart is None else separation_factors(apart)
+    if any(factor > PLAINLY_APART for factor in factors.values()):
         return []
-    factors = {}
-    for block in ("position", "velocity", "attitude"):
-        values, sd = getattr(apart, block), getattr(apart, f"sd_{block}")
-        if values is None or sd is None:
-            continue
-        known = np.isfinite(values) & np.isfinite(sd)
-        power = float(np.sum(sd[known] ** 2))
-        if power > 0.0:
-            factors[block] = float(np.sqrt(np.sum(values[known] ** 2) / power))
     large = [f"{block} {factor:.1f} times" for block, factor in factors.items() if factor > APART]
     if not large:
         return []
     text = (
-        f"Filter and smoother lie further apart than their standard deviations allow: {', '.join(large)}. The process "
+        f"Filter and smoother lie somewhat further apart than their standard deviations allow: "
+        f"{', '.join(large)}. The process "
         "noise is probably too small for this sensor (imu.grade), or something moves the solution that no state stands "
         "for; the filter's standard deviations are then too small."
     )
@@ -235,7 +246,7 @@ def _separation_points(apart: ErrorSeries | None) -> list[Point]:
 
 
 def _cards(
-    result: Result, consistency: dict[str, NisSummary], metrics: dict[str, ErrorMetrics], *, bare: bool
+    result: Result, consistency: dict[str, NisSummary], metrics: dict[str, ErrorMetrics], *, bare: bool, doubtful: bool
 ) -> list[Card]:
     best, epoch = result.trajectory, result.epoch
     duration = float(best.time[-1] - best.time[0])
@@ -247,7 +258,6 @@ def _cards(
     if not bare:
         cards += _gnss_cards(result, consistency)
     kind = "solution" if bare else "filter" if result.smoothed is None else "smoother"
-    doubtful = any(summary.factor > DOUBTFUL for summary in consistency.values())
     cards += _accuracy_cards(result, kind, ": not to be relied on, see above" if doubtful else "")
     for solution, metric in metrics.items():
         horizontal, vertical = metric.statistics["position_horizontal"], metric.statistics["position_down"]
@@ -285,17 +295,33 @@ def _gnss_cards(result: Result, consistency: dict[str, NisSummary]) -> list[Card
     longest = gaps(result)[:1]
     if longest:
         gap = longest[0]
-        span = f"from {moment(gap.start, result.epoch)} to {moment(gap.end, result.epoch)}"
-        cards.append(Card("Longest without GNSS", length(gap.end - gap.start), span))
+        span = f"{_cause(result, gap)}; from {moment(gap.start, result.epoch)} to {moment(gap.end, result.epoch)}"
+        cards.append(Card("Longest without a used fix", length(gap.end - gap.start), span))
     drift = [window.largest_m for window in withheld_windows(result.innovations) if np.isfinite(window.largest_m)]
     if drift:
         detail = (
             f"rms of the largest horizontal difference in {len(drift)} window{'s' if len(drift) > 1 else ''}, filter"
         )
         cards.append(Card("Off from withheld fixes", metres(float(np.sqrt(np.mean(np.square(drift))))), detail))
-    if position.n:
-        low, high = position.bounds
-        detail = f"mean NIS {position.mean_nis_per_dof:.2f} per component; right is {low:.2f} to {high:.2f}"
-        near = 1.0 / OVERCONFIDENT < position.factor < OVERCONFIDENT and position.verdict != "consistent"
-        cards.append(Card("GNSS consistency", "nearly consistent" if near else position.verdict, detail))
+    tested = {source: one for source, one in consistency.items() if one.n}
+    if tested:
+        source = max(tested, key=lambda name: tested[name].factor)
+        if POSITION_SOURCE in tested and tested[source].factor < OVERCONFIDENT:
+            source = POSITION_SOURCE
+        worst = tested[source]
+        low, high = worst.bounds
+        mean = f"mean NIS {worst.mean_nis_per_dof:.2f} per component; right is {low:.2f} to {high:.2f}"
+        near = 1.0 / OVERCONFIDENT < worst.factor < OVERCONFIDENT and worst.verdict != "consistent"
+        detail = f"{readable(source).replace('_', ' ')}: {mean}"
+        cards.append(Card("Consistency", "nearly consistent" if near else worst.verdict, detail))
     return cards
+
+
+def _cause(result: Result, gap: Window) -> str:
+    """Why no position fix was used in a gap: withheld, rejected, too late, or none there; the most frequent first."""
+    records = result.innovations.of(POSITION_SOURCE)
+    inside = records.status[(records.time > gap.start) & (records.time < gap.end)]
+    words = {"withheld": "withheld", "rejected": "rejected by the filter", "late": "too late"}
+    counts = {word: int(np.count_nonzero(inside == status)) for status, word in words.items()}
+    told = [f"{number} {word}" for word, number in sorted(counts.items(), key=lambda one: -one[1]) if number]
+    return f"fixes were there: {', '.join(told)}" if told else "no fixes"

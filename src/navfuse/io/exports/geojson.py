@@ -13,10 +13,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from navfuse.data.export_track import ExportTrack
-from navfuse.io.atomic import atomic_file
-from navfuse.io.exports.parts import check_parts
 from navfuse.io.exports.pieces import cut_at_antimeridian, expected_error, gapless
-from navfuse.io.exports.text import iso_stamps, rows
+from navfuse.io.exports.text import rows, write_text
 
 Array = np.ndarray
 
@@ -25,29 +23,9 @@ def write_geojson(path: str | os.PathLike[str], track: ExportTrack) -> None:
     """Write a track as GeoJSON; the file appears whole or not at all.
 
     Of events there are the points alone, with their names. Of a track without an epoch there is no ``utc``.
-
-    Parameters
-    ----------
-    path : path-like
-        Replaced if it exists.
-    track : ExportTrack
-
-    Raises
-    ------
-    InputError
-        If the track is empty or holds a value that is no number.
-    OutputError
-        If the file cannot be written.
-
-    Warns
-    -----
-    NavfuseWarning
-        If the track has no epoch.
+    See :func:`navfuse.io.exports.text.write_text`.
     """
-    check_parts(track, "GeoJSON")
-    stamps = iso_stamps(track, "GeoJSON")
-    with atomic_file(path) as part, part.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.writelines(_document(track, stamps))
+    write_text(path, track, "GeoJSON", _document)
 
 
 def _document(track: ExportTrack, stamps: list[str] | None) -> Iterator[str]:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from xml.sax.saxutils import escape
 
 import numpy as np
 
 from navfuse.data.export_track import ExportTrack
 from navfuse.errors import NavfuseWarning
+from navfuse.io.atomic import atomic_file
+from navfuse.io.exports.parts import check_parts
 from navfuse.io.exports.stamps import clocks, dates, gps_ticks
 from navfuse.io.gps_time import DAY, utc_of_gps
 
@@ -21,6 +24,40 @@ ROWS = 50_000
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Everything that XML 1.0 cannot hold, not even escaped (section 2.2)."""
+
+
+Document = Callable[[ExportTrack, list[str] | None], Iterator[str]]
+
+
+def write_text(path: str | os.PathLike[str], track: ExportTrack, format_name: str, document: Document) -> None:
+    """Write the pieces of text that `document` makes of a track and its dates; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    path : path-like
+        Replaced if it exists.
+    track : ExportTrack
+    format_name : str
+        For the messages.
+    document : callable
+        Of the track and of its dates, which are None for a track without an epoch.
+
+    Raises
+    ------
+    InputError
+        If the track is empty or holds a value that is no number.
+    OutputError
+        If the file cannot be written.
+
+    Warns
+    -----
+    NavfuseWarning
+        If the track has no epoch.
+    """
+    check_parts(track, format_name)
+    stamps = iso_stamps(track, format_name)
+    with atomic_file(path) as part, part.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.writelines(document(track, stamps))
 
 
 def xml_text(text: str) -> str:

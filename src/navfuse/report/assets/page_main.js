@@ -9,7 +9,7 @@ function legend(plot, curves) {
     sign.setAttribute("aria-hidden", "true");
     sign.style.setProperty("--c", `var(--${curve.role}, var(--unused))`);
     const dash = curve.dash || dashes[curve.role];
-    sign.className = curve.kind === "band" || curve.role === "outage" ? "band" : curve.kind === "points" ? "dots" : dash && dash !== "solid" ? "dotted" : "";
+    sign.className = curve.kind === "band" || curve.role === "outage" ? "band" : curve.kind === "points" ? "dots" : dash && dash !== "solid" ? (dash === "dot" ? "dotted" : "dashed") : "";
     sign.textContent = curve.kind === "points" ? glyphs[curve.role] || "●" : "";
     button.append(sign, name);
     button.addEventListener("click", () => {

@@ -6,6 +6,8 @@ function mapFigure() {
   const where = "%{x:.2f} m east<br>%{y:.2f} m north<br>log time %{customdata:.2f} s";
   for (const curve of [...data.map.tracks.filter((one) => one.role === "outage"), ...data.map.clouds, ...data.map.tracks.filter((one) => one.role !== "outage")]) {
     const { x, ...base } = trace({ ...curve, x: curve.e }, "y", "m", hidden, 0)[0];
+    if (curve.kind === "points") base.opacity = curve.x.length > 500 ? 0.45 : 0.8;
+    else if (curve.role !== "outage") base.line = { ...base.line, width: 2.2 };
     traces.push({ ...base, x, customdata: curve.x, hovertemplate: where });
   }
   const zoomed = span[0] > full[0] || span[1] < full[1], first = lowerBound(best.x, span[0]), last = lowerBound(best.x, span[1]) + 1;

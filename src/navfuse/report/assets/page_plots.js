@@ -4,10 +4,10 @@ const glyphs = { reset: "★", rejected: "✕", withheld: "◇", late: "△", un
 const marks = new Set(["rejected", "withheld", "reset", "late", "unused"]);
 
 // Nearly all of a band or a gate: what it is at its widest, in the first seconds, would squash the rest.
-function reachOf(curve, range) {
+function reachOf(curve, range, share = 0.97) {
   const first = Math.max(lowerBound(curve.x, range[0]) - 1, 0), last = lowerBound(curve.x, range[1]) + 1;
   const sorted = (curve.y2 || curve.y).slice(first, last).map(Math.abs).filter(Number.isFinite).sort();
-  return sorted.length ? 1.1 * sorted[Math.floor(0.97 * (sorted.length - 1))] : 0;
+  return sorted.length ? 1.1 * sorted[Math.floor(share * (sorted.length - 1))] : 0;
 }
 
 function extent(curve, range) {
@@ -26,14 +26,17 @@ function extent(curve, range) {
 // The lines and the used points set the range; bands, gates and rejected points widen it up to four times at most.
 function yRange(row, range, hidden) {
   if (row.range) return row.range;
-  let low = Infinity, high = -Infinity, wideLow = Infinity, wideHigh = -Infinity;
+  let low = Infinity, high = -Infinity, wideLow = Infinity, wideHigh = -Infinity, usual = 0;
   for (const curve of row.curves) {
     if (hidden.has(curve.name)) continue;
     const envelope = curve.kind === "band" || (curve.role === "gate" && !row.log);
     const [a, b] = row.zero && envelope ? [-1, 1].map((sign) => sign * reachOf(curve, range)) : extent(curve, range);
+    usual = curve.kind === "points" ? Infinity : Math.max(usual, envelope ? b : reachOf(curve, range, 0.95));
     if (envelope || (curve.role === "rejected" && !row.log)) { wideLow = Math.min(wideLow, a); wideHigh = Math.max(wideHigh, b); }
     else { low = Math.min(low, a); high = Math.max(high, b); }
   }
+  // A few spikes of a line do not hide its band: they leave the picture, and the note says so.
+  if (row.zero && usual > 0 && Math.max(-low, high) > 3 * usual) { low = -usual; high = usual; }
   if (low > high) { low = wideLow; high = wideHigh; }
   if (low > high) return [-1, 1];
   if (row.log) {
@@ -91,7 +94,7 @@ function trace(curve, axis, unit, hidden, shift) {
 
 function logTicks([a, b]) {
   const width = b - a, step = Math.max(1, Math.ceil(width / 5));
-  const heads = width > 2 ? [1] : width > 0.9 ? [1, 3] : width > 0.7 ? [1, 2, 5] : [1, 1.5, 2, 3, 5, 7];
+  const heads = width > 3 ? [1] : width > 1.6 ? [1, 3] : width > 0.9 ? [1, 2, 5] : [1, 1.5, 2, 3, 5, 7];
   const tickvals = [];
   for (let power = step * Math.floor(a / step); power <= b; power += step)
     for (const head of heads) {
