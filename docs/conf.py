@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import navfuse
-from navfuse.config import help_keys
+from navfuse.config import DeadReckoningProject, KeyHelp, help_keys
 
 project = "navfuse"
 author = "navfuse developers"
@@ -30,10 +30,15 @@ html_theme = "furo"
 html_title = f"navfuse {release}"
 
 
-def _project_file_keys() -> str:
+def _dead_reckoning_keys() -> str:
+    """The keys of ``[dead_reckoning]``; the other tables of such a project are those of every project."""
+    return _project_file_keys([e for e in help_keys(DeadReckoningProject) if e.key.startswith("dead_reckoning.")])
+
+
+def _project_file_keys(entries: list[KeyHelp] | None = None) -> str:
     """Every key of the project file with its meaning, made from the model that checks it."""
     lines, section = [], ""
-    for entry in help_keys():
+    for entry in help_keys() if entries is None else entries:
         if entry.key.split(".")[0] != section:
             section = entry.key.split(".")[0]
             lines += [f"### `[{section}]`", ""]
@@ -49,3 +54,4 @@ def setup(app) -> None:
     folder = Path(app.confdir) / "_generated"
     folder.mkdir(exist_ok=True)
     (folder / "keys.md").write_text(_project_file_keys(), encoding="utf-8")
+    (folder / "dead_reckoning_keys.md").write_text(_dead_reckoning_keys(), encoding="utf-8")

@@ -23,7 +23,7 @@ from navfuse.aiding.base import AidingSensor
 from navfuse.aiding.gnss_fix import GnssPosition, GnssVelocity
 from navfuse.analysis.plausibility import run_findings, silence
 from navfuse.analysis.summary import describe_imu, summarize_run
-from navfuse.config import Project, load_project
+from navfuse.config import DeadReckoningProject, Project, any_project, load_project
 from navfuse.data.imu_overview import ImuOverview
 from navfuse.data.logs import GnssLog, ImuLog
 from navfuse.data.result import Result
@@ -55,7 +55,7 @@ SILENT_GAP_S = 0.1
 
 
 def process(
-    config: Project | Mapping[str, Any] | str | os.PathLike[str],
+    config: Project | DeadReckoningProject | Mapping[str, Any] | str | os.PathLike[str],
     *,
     sensors: tuple[AidingSensor, ...] = (),
     progress: Progress | None = None,
@@ -64,8 +64,9 @@ def process(
 
     Parameters
     ----------
-    config : Project, mapping or path
-        A project, the same as nested dictionaries, or the path of a project file.
+    config : Project, DeadReckoningProject, mapping or path
+        A project, the same as nested dictionaries, or the path of a project file. With ``[dead_reckoning]`` instead of
+        ``[imu]`` see :mod:`navfuse.dead_reckoning_run`; `sensors` are not used then.
     sensors : tuple of AidingSensor
         Aiding sensors of your own, used beside those of the project.
     progress : callable, optional
@@ -79,7 +80,10 @@ def process(
     ------
     ConfigError, InputError, AlignmentError, FilterError
     """
-    project = as_project(config)
+    chosen = any_project(config)
+    if isinstance(chosen, DeadReckoningProject):
+        return _process_drive(chosen)
+    project = chosen
     tell = progress or silent
     clock = Clock()
     build, smoothing = builder_of(project.filter.estimator), project.smoother.method == "rts"
@@ -138,7 +142,7 @@ def run_project(
     from navfuse.io.atomic import atomic_folder, refuse_to_replace
     from navfuse.io.result_folder import RUN_NAMES, write_result
 
-    project = load_project(path)
+    project = any_project(path)
     refuse_to_replace(project_inputs(project, path), folder, RUN_NAMES)
     with atomic_folder(folder, stale=RUN_NAMES) as staging:
         result = process(project, progress=progress)
@@ -151,7 +155,7 @@ def run_project(
     return result
 
 
-def _exported(staging: Path, result: Result, project: Project, name: str) -> Result:
+def _exported(staging: Path, result: Result, project: Project | DeadReckoningProject, name: str) -> Result:
     """Write the formats of other programs; one that cannot be written costs a warning, not the run.
 
     Returns
@@ -182,8 +186,22 @@ def _exported(staging: Path, result: Result, project: Project, name: str) -> Res
     return replace(result, warnings=notes, summary=result.summary | {"warnings": list(notes), "verdict": verdict})
 
 
-def project_inputs(project: Project, path: str | os.PathLike[str]) -> list[Path]:
+def _process_drive(project: DeadReckoningProject) -> Result:
+    from navfuse.dead_reckoning_run import process_drive
+
+    with collected_warnings() as caught:
+        result = process_drive(project)
+    notes = tuple(dict.fromkeys(_texts(caught)))
+    verdict = {**result.summary["verdict"], "warnings": len(notes)}
+    return replace(result, warnings=notes, summary={**result.summary, "verdict": verdict, "warnings": list(notes)})
+
+
+def project_inputs(project: Project | DeadReckoningProject, path: str | os.PathLike[str]) -> list[Path]:
     """The files that a project reads: its own and its logs."""
+    if isinstance(project, DeadReckoningProject):
+        from navfuse.dead_reckoning_run import inputs_of
+
+        return inputs_of(project, Path(path))
     return [Path(path), *(file for file in (project.imu.file, project.gnss.file) if file is not None)]
 
 

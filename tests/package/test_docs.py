@@ -15,7 +15,7 @@ import typer
 
 import navfuse
 from navfuse.cli.app import app
-from navfuse.config import Project, help_keys, load_project, template
+from navfuse.config import DeadReckoningProject, Project, any_project, help_keys, load_project, template
 from navfuse.data.result import STATUSES, Innovations
 from navfuse.io.gnss_rows import DEFAULT_SD_POSITION
 from navfuse.io.units import UNITS
@@ -68,6 +68,19 @@ def test_every_key_is_explained_in_the_manual(entry, generated_list):
     assert description.strip() == entry.description
 
 
+def test_the_keys_of_dead_reckoning_are_part_of_the_manual():
+    spec = importlib.util.spec_from_file_location("manual_conf", DOCS / "conf.py")
+    assert spec is not None
+    conf = importlib.util.module_from_spec(spec)
+    assert spec.loader is not None
+    spec.loader.exec_module(conf)
+    listed = conf._dead_reckoning_keys()
+    own = [entry for entry in help_keys(DeadReckoningProject) if entry.key.startswith("dead_reckoning.")]
+    assert listed.count("\n: ") == len(own) > 15
+    page = (DOCS / "dead-reckoning.md").read_text(encoding="utf-8")
+    assert "```{include} _generated/dead_reckoning_keys.md" in page
+
+
 def test_the_list_of_keys_is_part_of_the_manual(generated_list):
     assert generated_list.count("\n: ") == len(help_keys())
     assert "```{include} _generated/keys.md" in (DOCS / "file-formats.md").read_text(encoding="utf-8")
@@ -78,6 +91,9 @@ def test_project_files_of_the_manual_are_valid(text, tmp_path):
     given = tomllib.loads(text)
     if "motion" in given:
         assert read_scenario(given, "manual").motion.end > 0.0
+        return
+    if "dead_reckoning" in given:
+        assert any_project(given).output.formats
         return
     whole = {**SMALLEST, **{name: {**SMALLEST.get(name, {}), **table} for name, table in given.items()}}
     project = Project.from_dict(whole)

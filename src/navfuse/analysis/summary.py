@@ -16,6 +16,7 @@ from navfuse.data.result import Result
 from navfuse.io.result_folder import STATE_UNITS
 
 if TYPE_CHECKING:
+    from navfuse.data.trajectory import Trajectory
     from navfuse.imu.alignment import Alignment
     from navfuse.imu.error_model import ImuErrorModel
 
@@ -69,6 +70,31 @@ def summarize_run(
         "start": [_start(alignment) for alignment in alignments],
         "states": [*("position", "velocity", "attitude"), *result.states],
         "state_count": 9 + sum(history.values.shape[1] for history in result.states.values()),
+        "measurements": {source: summary.to_dict() for source, summary in consistency.items()},
+        "verdict": _verdict(result, consistency, contradicted),
+        "expected_accuracy": _accuracy(result),
+        "final_sensor_states": {name: _final(name, history) for name, history in result.states.items()},
+        "run_time_s": {**seconds, "total": sum(seconds.values())},
+        "warnings": list(result.warnings),
+    }
+
+
+def summarize_drive(
+    result: Result, *, settings: dict[str, Any], track: Trajectory, seconds: dict[str, float], contradicted: bool,
+    exclude: Sequence[tuple[float, float]] = (),
+) -> dict[str, Any]:  # fmt: skip
+    """The same of a run without an inertial sensor; `track` is the dead-reckoned one."""
+    consistency = nis_summary(result.innovations, exclude)
+    return {
+        "navfuse": __version__,
+        "python": platform.python_version(),
+        "epoch_week_s": None if result.epoch is None else list(result.epoch),
+        "inputs": {
+            "dead_reckoning": {"source": track.source, **_span(track.time)},
+            "gnss": None if result.fixes is None else _gnss(result.fixes, result),
+        },
+        "settings": settings,
+        "states": ["velocity_error", "position_error", *(name for name in result.states if name == "fix_error")],
         "measurements": {source: summary.to_dict() for source, summary in consistency.items()},
         "verdict": _verdict(result, consistency, contradicted),
         "expected_accuracy": _accuracy(result),

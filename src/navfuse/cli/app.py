@@ -26,6 +26,7 @@ from navfuse.cli import (
     montecarlo,
     noise,
     plot,
+    reproduce,
     run,
     simulate,
 )
@@ -58,6 +59,7 @@ app.command("scenarios", short_help="List the scenarios that come along.")(simul
 app.command("montecarlo", short_help="Simulate many runs; is the filter as good as it says?")(montecarlo.montecarlo)
 app.command("allan", short_help="Noise of a sensor from a log at rest, and the settings for the filter.")(allan.allan)
 app.command("noise", short_help="Data sheet figures to [imu] keys, and back.")(noise.noise)
+app.command("reproduce", short_help="Run a published system or study again.")(reproduce.reproduce)
 app.command("config", short_help="Print a commented project file to begin with.")(config.config)
 
 

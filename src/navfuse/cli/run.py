@@ -23,13 +23,13 @@ def run(
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write report.html.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")] = False,
 ) -> None:
-    """Process a project: IMU and GNSS logs to a filtered and smoothed trajectory.
+    """Process a project: IMU and GNSS logs, or dead reckoning and GNSS, to a filtered and smoothed trajectory.
 
     Writes forward.parquet, smoothed.parquet, innovations.parquet, summary.json and report.html.
     """
-    from navfuse.config import load_project
+    from navfuse.config import any_project
 
-    load_project(project)
+    any_project(project)
     with compilation(quiet), progress(quiet) as tell:
         from navfuse.pipeline import run_project
 

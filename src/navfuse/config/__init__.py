@@ -4,6 +4,7 @@ Keys carry their units in their names and stay in those units here; :meth:`Proje
 sensor errors become SI. An unknown key is an error that names the nearest known one.
 """
 
+from navfuse.config.dead_reckoning import DeadReckoningConfig, DeadReckoningProject, any_project
 from navfuse.config.project import Project, load_project
 from navfuse.config.reference import KeyHelp, help_keys, template
 from navfuse.config.sections import (
@@ -18,6 +19,8 @@ from navfuse.config.sections import (
 
 __all__ = [
     "AidingConfig",
+    "DeadReckoningConfig",
+    "DeadReckoningProject",
     "FilterConfig",
     "GnssConfig",
     "ImuConfig",
@@ -26,6 +29,7 @@ __all__ = [
     "Project",
     "SmootherConfig",
     "StartConfig",
+    "any_project",
     "help_keys",
     "load_project",
     "template",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -28,28 +28,15 @@ if TYPE_CHECKING:
     from navfuse.imu.error_model import ImuErrorModel
 
 
-class Project(BaseModel):
-    """Everything a run needs to know, as the project file says it: units as in the key names.
-
-    Notes
-    -----
-    Make one with :func:`load_project` or :meth:`from_dict`; these turn what is wrong into a :class:`ConfigError`.
-    """
+class ProjectFile(BaseModel):
+    """What project files of all kinds have in common."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
-
-    imu: ImuConfig
-    gnss: GnssConfig = Field(default_factory=GnssConfig)
-    start: StartConfig = Field(default_factory=StartConfig)
-    filter: FilterConfig = Field(default_factory=FilterConfig)
-    smoother: SmootherConfig = Field(default_factory=SmootherConfig)
-    aiding: AidingConfig = Field(default_factory=AidingConfig)
-    output: OutputConfig = Field(default_factory=OutputConfig)
 
     @classmethod
     def from_dict(
         cls, data: Mapping[str, Any], *, folder: str | os.PathLike[str] | None = None, source: str = "project"
-    ) -> Project:
+    ) -> Self:
         """Check a nested dictionary with the tables and keys of the project file.
 
         Parameters
@@ -70,6 +57,34 @@ class Project(BaseModel):
             return cls.model_validate(data, context={"folder": folder})
         except ValidationError as error:
             raise config_error(error, cls, data, source) from None
+
+    def settings(self) -> dict[str, dict[str, Any]]:
+        """The settings in force as nested plain dictionaries, defaults included, keys without a value left out."""
+        return self.model_dump(exclude_none=True)
+
+    def to_toml(self) -> str:
+        """The settings in force as a project file that :func:`load_project` takes."""
+        lines: list[str] = []
+        for name, table in self.settings().items():
+            lines += [f"[{name}]", *(f"{key} = {toml_value(value)}" for key, value in table.items()), ""]
+        return "\n".join(lines)
+
+
+class Project(ProjectFile):
+    """Everything a run needs to know, as the project file says it: units as in the key names.
+
+    Notes
+    -----
+    Make one with :func:`load_project` or :meth:`from_dict`; these turn what is wrong into a :class:`ConfigError`.
+    """
+
+    imu: ImuConfig
+    gnss: GnssConfig = Field(default_factory=GnssConfig)
+    start: StartConfig = Field(default_factory=StartConfig)
+    filter: FilterConfig = Field(default_factory=FilterConfig)
+    smoother: SmootherConfig = Field(default_factory=SmootherConfig)
+    aiding: AidingConfig = Field(default_factory=AidingConfig)
+    output: OutputConfig = Field(default_factory=OutputConfig)
 
     @model_validator(mode="after")
     def _consistent(self) -> Project:
@@ -116,17 +131,6 @@ class Project(BaseModel):
                 given.setdefault(tau, float("inf"))
         return grade(self.imu.grade).replace_datasheet(**given)
 
-    def settings(self) -> dict[str, dict[str, Any]]:
-        """The settings in force as nested plain dictionaries, defaults included, keys without a value left out."""
-        return self.model_dump(exclude_none=True)
-
-    def to_toml(self) -> str:
-        """The settings in force as a project file that :func:`load_project` takes."""
-        lines: list[str] = []
-        for name, table in self.settings().items():
-            lines += [f"[{name}]", *(f"{key} = {toml_value(value)}" for key, value in table.items()), ""]
-        return "\n".join(lines)
-
 
 def load_project(path: str | os.PathLike[str]) -> Project:
     """Read and check a project file.
@@ -141,6 +145,17 @@ def load_project(path: str | os.PathLike[str]) -> Project:
     ConfigError
         If there is no such file, it is not TOML (the line is named), or :meth:`Project.from_dict` refuses it.
     """
+    return Project.from_dict(read_toml(path), folder=Path(path).parent, source=str(Path(path)))
+
+
+def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The tables of a project file, not checked.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file or it is not TOML (the line is named).
+    """
     file = Path(path)
     try:
         text = file.read_text(encoding="utf-8-sig")
@@ -151,7 +166,6 @@ def load_project(path: str | os.PathLike[str]) -> Project:
             f"{file}: cannot be read as a project file: {getattr(error, 'strerror', None) or error}"
         ) from error
     try:
-        data = tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{file}: not valid TOML: {error}") from error
-    return Project.from_dict(data, folder=file.parent, source=str(file))

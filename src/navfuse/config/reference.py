@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 
 from navfuse.config.keys import allowed_range, extra
 from navfuse.config.messages import sections
-from navfuse.config.project import Project
+from navfuse.config.project import Project, ProjectFile
 from navfuse.config.toml_text import toml_value, type_words
 
 _WIDTH = 100
@@ -27,12 +27,12 @@ class KeyHelp(NamedTuple):
     description: str
 
 
-def help_keys() -> list[KeyHelp]:
+def help_keys(model: type[ProjectFile] = Project) -> list[KeyHelp]:
     """Every key of the project file, in the order of the file."""
-    return [_help(section, name, field) for section, name, field in _fields()]
+    return [_help(section, name, field) for section, name, field in _fields(model)]
 
 
-def template() -> str:
+def template(model: type[ProjectFile] = Project) -> str:
     """A project file with every key explained; keys that can stay as they are, are commented out.
 
     A line that starts with ``#`` and no space is a key to uncomment.
@@ -41,10 +41,10 @@ def template() -> str:
         "# Project file of navfuse. Lines that begin with # and no space are keys with their default or an example."
     ]
     current = ""
-    for section, name, field in _fields():
+    for section, name, field in _fields(model):
         if section != current:
             current = section
-            lines += ["", *_comment(inspect.getdoc(sections(Project)[section]) or ""), f"[{section}]"]
+            lines += ["", *_comment(inspect.getdoc(sections(model)[section]) or ""), f"[{section}]"]
         known = extra(field)
         notes = (f"[{known['unit']}]", f"({allowed_range(field)})")
         lines += ["", *_comment(" ".join([str(field.description), *(note for note in notes if len(note) > 2)]))]
@@ -57,8 +57,8 @@ def _comment(text: str) -> list[str]:
     return textwrap.wrap(text, _WIDTH, initial_indent="# ", subsequent_indent="# ", break_on_hyphens=False)
 
 
-def _fields() -> Iterator[tuple[str, str, FieldInfo]]:
-    for section, model in sections(Project).items():
+def _fields(project: type[ProjectFile]) -> Iterator[tuple[str, str, FieldInfo]]:
+    for section, model in sections(project).items():
         for name, field in model.model_fields.items():
             yield section, name, field
 

@@ -59,7 +59,7 @@ def update(P, H, R, z, gate, held, K, S, Sinv, dx):
                 v += G[a, j] * H[b, j]
             S[a, b] = v
             S[b, a] = v
-    if not _invert(S, Sinv):
+    if not invert(S, Sinv):
         return np.nan
     nis = 0.0
     for a in range(d):
@@ -114,7 +114,7 @@ def update(P, H, R, z, gate, held, K, S, Sinv, dx):
 
 
 @fused
-def _invert(S, Sinv):
+def invert(S, Sinv):
     """Inverse of a symmetric matrix S (d, d) into `Sinv`; False if S is not positive definite. No checks are made."""
     d = S.shape[0]
     L = np.zeros((d, d))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 
@@ -91,7 +92,7 @@ def _refine(values: Array, rate: float, frequency: float, width: float) -> float
     """Frequency at which the fitted sinusoid is largest, within a bin of the peak."""
     from scipy.optimize import minimize_scalar
 
-    found = minimize_scalar(
+    found: Any = minimize_scalar(
         lambda f: -_fit(values, rate, f)[0],
         bounds=(frequency - width, frequency + width),
         method="bounded",

@@ -1,0 +1,1 @@
+"""Attitude and heading without position: gyro-magnetometer heading, and the attitude and heading reference."""
