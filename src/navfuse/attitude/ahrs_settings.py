@@ -41,8 +41,8 @@ class AhrsSettings:
         `accel_memory`. Motion to and fro at frequency f has a velocity of a / (2 pi f), 0.16 s of it at 1 Hz.
     accel_memory : float [s]
     mag_noise : float [T]
-        Of one sample, white from sample to sample. One that is low-passed in the sensor has a larger figure here than its
-        samples scatter: what counts is the noise of the mean over a block times the root of the number of its samples.
+        Of one sample, white from sample to sample. For a sensor that low-passes: the noise of the mean over a block
+        times the root of the number of its samples, which is more than the scatter of its samples.
     mag_bias_sd, mag_bias_walk : float [T], [T/sqrt(s)]
         What the calibration has left.
     mag_delay_sd : float [s]
