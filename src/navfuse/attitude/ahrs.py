@@ -36,7 +36,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from navfuse.attitude.ahrs_kernels import BG, LAG, MEMORY, PSI, REF, REJECTED, D, N, backward, forward, spread
+from navfuse.attitude.ahrs_kernels import BG, LAG, MEMORY, PSI, REF, REJECTED, N, backward, forward, spread
 from navfuse.attitude.ahrs_settings import AhrsSettings
 from navfuse.attitude.magnetic_axes import check_magnetic_axes
 from navfuse.core.rotation import euler_from_quat_batch, quat_from_dcm, quat_from_rotvec, quat_multiply
@@ -133,8 +133,7 @@ def estimate_attitude(
         In the same axes, at any rate. None for inclination and a heading relative to the start ("6-D").
     settings : AhrsSettings, optional
     smooth : bool
-        Whether to smooth: back through the record, and with a magnetometer once more about the smoothed field, which
-        takes three times as long as the filter alone.
+        Whether to smooth: once back through the record, which takes twice as long as the filter alone.
     check : bool
         Whether the axes of the magnetometer are held against gyro and reference field first.
 
