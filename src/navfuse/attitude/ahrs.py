@@ -36,7 +36,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from navfuse.attitude.ahrs_kernels import BG, LAG, MEMORY, PSI, REF, REJECTED, D, N, backward, forward, spread
+from navfuse.attitude.ahrs_kernels import BG, LAG, MEMORY, PSI, REF, REJECTED, N, backward, forward, spread
 from navfuse.attitude.ahrs_settings import AhrsSettings
 from navfuse.attitude.magnetic_axes import check_magnetic_axes
 from navfuse.core.rotation import euler_from_quat_batch, quat_from_dcm, quat_from_rotvec, quat_multiply
@@ -133,8 +133,7 @@ def estimate_attitude(
         In the same axes, at any rate. None for inclination and a heading relative to the start ("6-D").
     settings : AhrsSettings, optional
     smooth : bool
-        Whether to smooth: back through the record, and with a magnetometer once more about the smoothed field, which
-        takes three times as long as the filter alone.
+        Whether to smooth: once back through the record, which takes twice as long as the filter alone.
     check : bool
         Whether the axes of the magnetometer are held against gyro and reference field first.
 
@@ -206,7 +205,6 @@ class _Run:
             self.mag = _MICRO * np.ascontiguousarray(magnetometer.field_b[rows])
             self.mag_from = np.searchsorted(stamps, self.time, side="right").astype(np.int64)
             self.age = self.time[np.searchsorted(self.time, stamps)] - stamps
-        self.field = np.full((self.ends.size - 1, 3), np.nan)
         self.q0, self.x0 = self._start()
         self.P0 = np.diag(settings.start_sd(self.magnetic) ** 2)
 
@@ -241,7 +239,7 @@ class _Run:
         inc_theta, inc_v = self.inc
         q, x, P, memory = state
         forward(
-            first, last, self.ends, inc_theta, inc_v, self.dt, self.mag, self.mag_from, self.age, self.field,
+            first, last, self.ends, inc_theta, inc_v, self.dt, self.mag, self.mag_from, self.age,
             self.settings.numbers(), q, x, P, memory, out_q, stretch.x_pred, stretch.q_pred, stretch.x_post,
             stretch.q_post, stretch.P_pred, stretch.P_post, stretch.F, stretch.record,
         )  # fmt: skip
@@ -271,11 +269,6 @@ class _Run:
         smoothed = None
         if smooth:
             back = self._smooth(now)
-            if self.magnetic:
-                # Once more, linearized about the smoothed field.
-                x = back.x[1:]
-                self.field = np.column_stack([x[:, REF] + x[:, D], x[:, D + 1], x[:, REF + 1] + x[:, D + 2]])
-                back = self._smooth(self._filter())
             smoothed = self._solution(np.vstack([back.state[0], back.q]), back.x, back.variance, True)
         return AttitudeReference(
             self._solution(np.vstack([self.q0, now.q]), now.x, now.variance, False),

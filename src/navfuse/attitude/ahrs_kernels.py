@@ -72,7 +72,7 @@ def _watch_rest(memory, w, f, dt, rest_rate, rest_force):
 
 @njit(cache=True, error_model="numpy")
 def forward(
-    first, last, ends, inc_theta, inc_v, dt, mag, mag_from, mag_age, field, par, q, x, P, memory, out_q, x_pred, q_pred,
+    first, last, ends, inc_theta, inc_v, dt, mag, mag_from, mag_age, par, q, x, P, memory, out_q, x_pred, q_pred,
     x_post, q_post, P_pred, P_post, F_all, record
 ):  # fmt: skip
     """Filter blocks `first` until before `last`, in place on `q` (4,), `x` (21,), `P` (21, 21) and `memory` (10,).
@@ -86,8 +86,6 @@ def forward(
     mag, mag_from, mag_age : (m, 3) array [uT], (k + 1,) int array, (m,) array [s]
         Rows ``mag_from[k]`` until before ``mag_from[k + 1]`` belong to interval k; `mag_age` is how long before its end
         each was measured.
-    field : (b, 3) array [uT]
-        Field in n about which the measurement of each block is linearized; NaN takes the reference field of the moment.
     par : tuple
         From :meth:`navfuse.attitude.ahrs_settings.AhrsSettings.numbers`.
     memory : (10,) array
@@ -263,13 +261,12 @@ def forward(
                 H[i, LAG] = slip[i]
                 R[i, i] = mag_noise * mag_noise / count
             H[0, REF] = H[2, REF + 1] = 1.0
-            # [M x] never with the disturbance estimated now, whose changes would pass for turns of the body.
-            L = (x[REF], 0.0, x[REF + 1])
-            if not np.isnan(field[block, 0]):
-                L = (field[block, 0], field[block, 1], field[block, 2])
-            H[0, PSI + 1], H[0, PSI + 2] = -L[2], L[1]
-            H[1, PSI], H[1, PSI + 2] = L[2], -L[0]
-            H[2, PSI], H[2, PSI + 1] = -L[1], L[0]
+            # [m0 x], without the disturbance: estimated from these same measurements, its changes would tell a heading
+            # error from a steady east field, which nothing does. To first order this resolves the error of the
+            # disturbance in the level frame of the estimate.
+            H[0, PSI + 1] = -x[REF + 1]
+            H[1, PSI], H[1, PSI + 2] = x[REF + 1], -x[REF]
+            H[2, PSI + 1] = x[REF]
             nis = update(P, H, R, z, gate, free_mag, S, dx)
             record[row, 0], record[row, 1] = nis, USED
             passed = nis <= gate

@@ -41,7 +41,8 @@ class AhrsSettings:
         `accel_memory`. Motion to and fro at frequency f has a velocity of a / (2 pi f), 0.16 s of it at 1 Hz.
     accel_memory : float [s]
     mag_noise : float [T]
-        Of one sample, white.
+        Of one sample, white from sample to sample. For a sensor that low-passes: the noise of the mean over a block
+        times the root of the number of its samples, which is more than the scatter of its samples.
     mag_bias_sd, mag_bias_walk : float [T], [T/sqrt(s)]
         What the calibration has left.
     mag_delay_sd : float [s]
@@ -84,7 +85,7 @@ class AhrsSettings:
     velocity_density: float = 0.1
     velocity_time: float = 0.15
     accel_memory: float = 2.0
-    mag_noise: float = 8e-7
+    mag_noise: float = 1.5e-6
     mag_bias_sd: float = 5e-7
     mag_bias_walk: float = 1e-9
     mag_delay_sd: float = 0.01
