@@ -265,6 +265,11 @@ def test_either_protocol_by_its_content(tmp_path):
     layout = layout_of(["imu.gyro_radps"])
     path.write_bytes(packet(layout, {"imu.gyro_radps": [1, 2, 3]}))
     assert read_vectornav(path).counts() == {"fa 04 00 04": 1}
+    late = tmp_path / "vn.txt"
+    late.write_bytes(b"\x00\xfa" * 10_000 + path.read_bytes())
+    with pytest.warns(NavfuseWarning, match="skipped"):
+        log = read_vectornav(late)
+    assert log.counts() == {"fa 04 00 04": 1}
     other = path.rename(tmp_path / "vn.xyz")
     with pytest.raises(InputError, match="cannot tell the format"):
         read_vectornav(other)

@@ -22,6 +22,7 @@ from navfuse.io.raw_gnss_table import PSEUDORANGE, SAT_POSITION, SATELLITE
 from navfuse.io.tables import CsvTable, ParquetTable, open_table
 from navfuse.io.trajectory_table import GROUPS
 from navfuse.io.units import UNITS
+from navfuse.io.vectornav_binary import is_vectornav_binary
 
 Array = np.ndarray
 
@@ -125,6 +126,9 @@ def recognise(path: Path) -> Recognised:
     if not path.exists():
         return Recognised(path, "missing", "unknown", None, {}, "there is no such file")
     foreign = _foreign(path)
+    if foreign == VECTORNAV:
+        note = f"this is {foreign}; navfuse.io.vectornav_logs.read_vectornav makes logs of it, a project takes tables"
+        return Recognised(path, foreign, "unknown", None, {}, note)
     if foreign:
         return Recognised(path, foreign, "unknown", None, {}, f"this is {foreign}, which navfuse does not read")
     if extension == ".pos":
@@ -253,7 +257,10 @@ _ROLES: tuple[tuple[str, tuple[Field, ...], tuple[Field, ...]], ...] = (
 )
 """Role, fields of which all (of six: four) tell it, the first among them; fields that it may have."""
 
+VECTORNAV = "a VectorNav recording"
+
 _MAGIC = (
+    (rb"\$VN[A-Z0-9]{3},", VECTORNAV),
     (rb"\xb5b", "a u-blox UBX recording"),
     (rb"ULog", "a PX4 ULog"),
     (rb"#ROSBAG", "a ROS bag"),
@@ -277,4 +284,6 @@ def _foreign(path: Path) -> str:
         return "a RINEX file"
     if path.suffix.lower() in TABLES:
         return ""
+    if b"\xfa" in head and is_vectornav_binary(path):
+        return VECTORNAV
     return next((words for magic, words in _MAGIC if re.match(magic, head)), "")

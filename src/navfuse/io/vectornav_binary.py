@@ -326,6 +326,5 @@ def _nothing(data: bytes, source: str) -> str:
 
 
 def is_vectornav_binary(path: Path) -> bool:
-    """Whether a sound packet is among the first bytes of a file."""
-    with path.open("rb") as stream:
-        return next(_packets(stream.read(16384)), None) is not None
+    """Whether there is a sound packet in a file."""
+    return next(_packets(path.read_bytes()), None) is not None

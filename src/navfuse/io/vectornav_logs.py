@@ -21,9 +21,9 @@ from navfuse.io.imu_plausibility import check_imu_units
 from navfuse.io.imu_table import body_from_file
 from navfuse.io.tables import check_file
 from navfuse.io.vectornav_ascii import EXTENSIONS as ASCII_EXTENSIONS
-from navfuse.io.vectornav_ascii import read_vectornav_ascii
+from navfuse.io.vectornav_ascii import parse_sentences
 from navfuse.io.vectornav_binary import EXTENSIONS as BINARY_EXTENSIONS
-from navfuse.io.vectornav_binary import is_vectornav_binary, read_vectornav_binary
+from navfuse.io.vectornav_binary import is_vectornav_binary, parse_packets
 from navfuse.io.vectornav_messages import Messages, VectorNavLog
 from navfuse.io.vectornav_times import Clock, clock_of, epoch_of, finite_rows, numbers, row_names, timed_rows
 
@@ -67,7 +67,10 @@ class AttitudeLog:
 
 
 def read_vectornav(path: str | os.PathLike[str]) -> VectorNavLog:
-    """Read a file of either protocol: :func:`read_vectornav_ascii` or :func:`read_vectornav_binary`, by its content.
+    """Read a file of either protocol, by its content: a file with a sound packet anywhere is binary.
+
+    See :func:`~navfuse.io.vectornav_ascii.read_vectornav_ascii` and
+    :func:`~navfuse.io.vectornav_binary.read_vectornav_binary`, which give the same and want the extension of theirs.
 
     Raises
     ------
@@ -75,7 +78,11 @@ def read_vectornav(path: str | os.PathLike[str]) -> VectorNavLog:
         If the file cannot be read, or holds neither sentences nor packets.
     """
     file = check_file(path, tuple(dict.fromkeys(ASCII_EXTENSIONS + BINARY_EXTENSIONS)))
-    return read_vectornav_binary(file) if is_vectornav_binary(file) else read_vectornav_ascii(file)
+    parse = parse_packets if is_vectornav_binary(file) else parse_sentences
+    log = parse(file.read_bytes(), str(file))
+    for note in log.notes:
+        warnings.warn(note, NavfuseWarning, stacklevel=2)
+    return log
 
 
 def vectornav_imu(
