@@ -184,7 +184,7 @@ def wheel_motion(
 
     Notes
     -----
-    A freely steered wheel measures |v| with the sign of its forward part, made linear about the last estimate.
+    A freely steered wheel measures ``|v|`` with the sign of its forward part, made linear about the last estimate.
     """
     missing = [name for name in geometry.wheels if name not in log.wheels]
     if missing:
