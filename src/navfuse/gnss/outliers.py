@@ -64,7 +64,7 @@ def position_without_outliers(
     Notes
     -----
     The residuals v = z - H x of a least-squares solution have the covariance R - H (H^T R^-1 H)^-1 H^T (Groves 2013,
-    section 17.4.1, with the sign of v turned). The satellite with the largest ``|v_j| / sd(v_j)`` above the threshold is
+    section 17.4.1, v negated). The satellite with the largest ``|v_j| / sd(v_j)`` above the threshold is
     left out, and the solution made anew. With five satellites an outlier makes all five statistics alike: nothing is
     left out then unless one stands out by itself, and four have no residuals at all. No satellite comes back.
     """
