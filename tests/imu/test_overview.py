@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 
 from navfuse.data.logs import ImuLog
 from navfuse.imu.overview import imu_overview
@@ -64,3 +65,12 @@ def test_runs_shorter_than_the_others_are_left_out():
     found = imu_overview(_log(time))
     assert found.frequency.size == 1024
     assert np.isfinite(found.gyro_psd).all()
+
+
+@pytest.mark.parametrize("count", [2048, 5001, 999])
+def test_spectra_are_those_of_welch(count):
+    log = _log(np.arange(count) / 125.0)
+    found = imu_overview(log)
+    frequency, psd = welch(np.hstack((log.gyro, log.accel)).T, fs=125.0, nperseg=min(count, 2048))
+    np.testing.assert_allclose(found.frequency, frequency[1:], rtol=1e-12)
+    np.testing.assert_allclose(np.hstack((found.gyro_psd, found.accel_psd)), psd.T[1:], rtol=1e-9)
