@@ -150,8 +150,8 @@ def run_forward(
                 if rejected[what] < FEWEST_REJECTED or time[k] - since[what] < patience:
                     break
                 _doubt(cov, z, 3 if what == 0 else 0)
-                # What is added here counts as noise of the step that led here, so that the smoother knows of it. That is
-                # exact for the velocity too after a position of the same row: its gain knows nothing of these variances.
+                # What is added here counts as noise of the step that led here, so that the smoother knows of it. It is
+                # exact for a velocity behind a position of the same row too, whose gain these variances do not enter.
                 _doubt(P_before[k], z, 3 if what == 0 else 0)
                 record[k, what, 0] = RESET
                 rejected[what] = 0
