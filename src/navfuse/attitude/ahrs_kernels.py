@@ -73,8 +73,11 @@ def _watch_rest(memory, w, f, dt, rest_rate, rest_force):
 
 @njit(cache=True, error_model="numpy")
 def _turn_to_field(q, z, H, M, x):
-    """Turn the attitude (4,) about the vertical until the measured field points where `M` does, and with it innovation
-    and `H` (rows of bias and delay), in place; the angle [rad] without sign. No checks are made."""
+    """Turn the attitude (4,) about the vertical until the measured field points where `M` does.
+
+    Innovation and the columns of the magnetometer bias in `H` are turned with it, in place; returns the angle [rad]
+    without sign. No checks are made.
+    """
     seen = np.zeros(2)
     for i in range(2):
         seen[i] = z[i] + M[i] + x[LAG] * H[i, LAG]

@@ -154,7 +154,8 @@ def filter_receiver(
     Raises
     ------
     InputError
-        If no epoch gives a position, the start has the wrong shape, or the covariance fails, in the filter or the smoother.
+        If no epoch gives a position, the start has the wrong shape, or the covariance fails, in the filter or the
+        smoother.
 
     Notes
     -----
