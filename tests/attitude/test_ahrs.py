@@ -122,6 +122,29 @@ def test_a_field_that_changed_for_good_is_believed_in_the_end():
     assert error == pytest.approx(np.degrees(np.arctan2(12.0, 15.0)), abs=12.0)
 
 
+@pytest.mark.parametrize("degrees", [70.0, -150.0])
+def test_a_turn_that_the_gyro_did_not_see(degrees):
+    """The heading comes back after the patience, and the smoother leaves the time before the turn alone."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 90.0, 0.01)
+    rate = 0.5 * np.sin(0.3 * time)
+    heading = np.concatenate([[0.0], np.cumsum(0.005 * (rate[1:] + rate[:-1]))])
+    heading += np.where(time >= 45.0, np.radians(degrees), 0.0)
+    gyro = 0.002 * rng.standard_normal((time.size, 3))
+    gyro[:, 2] += rate + 0.002
+    accel = [0.0, 0.0, -9.81] + 0.02 * rng.standard_normal((time.size, 3))
+    c, s = 18e-6 * np.cos(heading), 18e-6 * np.sin(heading)
+    field = np.column_stack([c, -s, np.full(time.size, 45e-6)]) + 2e-7 * rng.standard_normal((time.size, 3))
+    run = estimate_attitude(
+        ImuLog(time, gyro, accel), MagnetometerLog(time, field), AhrsSettings(patience=10.0)
+    )  # fmt: skip
+    for solution in (run.realtime, run.smoothed):
+        off = np.degrees(np.angle(np.exp(1j * (solution.euler[:, 2] - np.interp(solution.time, time, heading)))))
+        for within in ((solution.time > 10.0) & (solution.time < 44.0), solution.time > 60.0):
+            assert np.abs(off[within]).max() < 1.0
+            assert np.degrees(solution.sd[within, 2]).max() < 3.0
+
+
 def still(seconds=10.0, rate=100.0, heading=0.7, roll=0.1, pitch=-0.2, field=FIELD_N):
     n = round(seconds * rate)
     C_nb = Rotation.from_euler("ZYX", [heading, pitch, roll])

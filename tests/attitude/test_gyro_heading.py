@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from navfuse.analysis.consistency import average_bounds, nis_summary
 from navfuse.attitude.gyro_heading import SOURCE, GyroHeadingSettings, gyro_heading
 from navfuse.attitude.heading_logs import YawRateLog, magnetic_heading, yaw_rate_from_imu
 from navfuse.data.aiding_logs import HeadingLog
-from navfuse.errors import ConfigError, InputError
+from navfuse.errors import ConfigError, FilterError, InputError, NavfuseWarning
 from navfuse.simulation.scenario import load_scenario
 from navfuse.simulation.scenario_run import run_scenario, scenario_truth
 
@@ -221,6 +223,78 @@ def test_a_disturbance_is_rejected_and_a_lasting_one_believed_in_the_end():
     assert "reset" in status[:60]
     late = run.forward.time > 300.0
     assert np.abs(wrap(run.forward.heading - truth - 1.0))[late].max() < 5.0 * DEGREE
+
+
+def unseen(turn=0.0, first=0.0, bias=0.005, seconds=300.0):
+    """A gyro of known bias and a compass of 1 deg; the body turns unseen at 150 s, the first heading is disturbed."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, seconds, 0.1)
+    rate = 0.1 * np.sin(0.05 * time)
+    true = np.concatenate([[0.0], np.cumsum(0.05 * (rate[1:] + rate[:-1]))]) + np.where(time >= 150.0, turn, 0.0)
+    measured = true[::10] + DEGREE * rng.standard_normal(time[::10].size)
+    measured[0] += first
+    yaw = YawRateLog(time, rate + bias + 1e-4 * rng.standard_normal(time.size))
+    return yaw, HeadingLog(time[::10], np.mod(measured, 2.0 * np.pi)), true
+
+
+@pytest.mark.parametrize("feedback", ["open", "closed"])
+def test_a_turn_that_the_gyro_did_not_see_is_not_carried_back(feedback):
+    yaw, heading, true = unseen(turn=60.0 * DEGREE)
+    run = gyro_heading(yaw, heading, GyroHeadingSettings(heading_sd=DEGREE, feedback=feedback), check=False)
+    assert (run.innovations.status == "reset").sum() == 1
+    for solution in (run.forward, run.smoothed):
+        for within in ((yaw.time > 20.0) & (yaw.time < 149.0), yaw.time > 200.0):
+            off = wrap(solution.heading - true)[within]
+            assert np.abs(off / solution.sd_heading[within]).max() < 4.5
+            assert np.abs(off).max() < 1.0 * DEGREE
+            assert np.abs((solution.gyro_bias - 0.005) / solution.sd_gyro_bias)[within].max() < 4.5
+            assert solution.sd_gyro_bias[within].max() < 1e-3
+
+
+@pytest.mark.parametrize("first", [60.0, -170.0])
+def test_a_first_heading_that_is_wrong_does_not_start_it(first):
+    yaw, heading, true = unseen(first=first * DEGREE)
+    run = gyro_heading(yaw, heading, GyroHeadingSettings(heading_sd=DEGREE), check=False)
+    assert (run.innovations.status == "used").mean() > 0.99
+    for solution in (run.forward, run.smoothed):
+        off = wrap(solution.heading - true)
+        assert np.abs(off / solution.sd_heading).max() < 4.5
+        assert np.abs(off[20:]).max() < 4.0 * DEGREE
+    # A good first heading is the start as it is; so is one of two, of which nothing tells which is wrong.
+    yaw, heading, _ = unseen()
+    run = gyro_heading(yaw, heading, GyroHeadingSettings(heading_sd=DEGREE), check=False)
+    assert wrap(run.gyro_only[0] - heading.heading[0]) == pytest.approx(0.0, abs=1e-12)
+    two = HeadingLog(heading.time[:2], np.array([1.0, 3.0]))
+    run = gyro_heading(yaw, two, GyroHeadingSettings(gate_probability=1.0), check=False)
+    assert run.gyro_only[0] == 1.0
+
+
+def test_the_heading_of_a_start_from_the_median_is_as_good_as_it_says():
+    squares = []
+    for seed in range(60):
+        yaw, heading, truth, _ = drawn(seed, seconds=10.0)
+        values = heading.heading.copy()
+        values[0] += 1.5
+        settings = replace(MODEL, gate_probability=0.9999)
+        run = gyro_heading(yaw, HeadingLog(heading.time, np.mod(values, 2.0 * np.pi)), settings, check=False)
+        at = [0, 20, 60]
+        squares.append((wrap(truth[at] - run.forward.heading[at]) / run.forward.sd_heading[at]) ** 2)
+    mean = np.mean(squares, axis=0)
+    assert mean.max() < average_bounds(60)[1]
+    assert mean.min() > 0.1
+
+
+def test_a_compass_that_never_fits_is_told():
+    yaw, heading, _ = unseen(seconds=100.0)
+    wild = HeadingLog(heading.time, np.random.default_rng(1).uniform(0.0, 6.28, heading.time.size))
+    with pytest.warns(NavfuseWarning, match=r"of 99 headings do not fit .* were rejected; check heading_sd"):
+        gyro_heading(yaw, wild, GyroHeadingSettings(heading_sd=DEGREE), check=False)
+
+
+def test_settings_that_leave_nothing_uncertain_cannot_be_smoothed():
+    yaw, heading, _ = unseen(seconds=20.0)
+    with pytest.raises(FilterError, match=r"the covariance at 19\.900 s cannot be smoothed; set gyro_noise"):
+        gyro_heading(yaw, heading, GyroHeadingSettings(gyro_bias_sd=0.0, gyro_bias_walk=0.0), check=False)
 
 
 def test_declination_turns_the_result():

@@ -244,6 +244,28 @@ def test_outliers_outages_and_a_jump():
         assert np.abs(error[:41]).max() < 15.0
 
 
+@pytest.mark.parametrize("frame", ["ned", "ecef"])
+def test_a_jump_of_position_and_velocity_at_once(frame):
+    """Both are believed in the same row; what the smoother says of the time before stays what it was."""
+    track, fixes, true = drawn(6)
+    late = fixes.time > 40.0
+    velocity = fixes.velocity_n + np.where(late, 60.0, 0.0)[:, None] * np.array([1.0, 0.0, 0.0])
+    jumped = replace(
+        fixes, lat=fixes.lat + np.where(late, 500.0 + 60.0 * (fixes.time - 40.0), 0.0) / 6.4e6, velocity_n=velocity
+    )
+    found = integrate(track, jumped, replace(MODEL, patience=8.0), frame=frame)
+    reset = found.innovations.select(found.innovations.status == "reset")
+    assert sorted(reset.source) == ["gnss_position", "gnss_velocity"]
+    assert np.ptp(reset.time) == 0.0
+    for values in (found.smoothed.sd_position, found.smoothed.sd_velocity):
+        assert np.isfinite(values).all()
+        assert (values > 0.0).all()
+    before = track.time <= 38.0
+    assert (found.smoothed.sd_position[before] <= found.forward.sd_position[before] * (1.0 + 1e-9)).all()
+    ratio = error_n(found.smoothed, true)[before] / found.smoothed.sd_position[before]
+    assert np.abs(ratio).max() < 4.5
+
+
 def test_fixes_between_the_epochs_of_the_track():
     """A coarse track with fixes of its own times is the fine one, up to the curvature of the way."""
     track, fixes, _ = drawn(7)

@@ -123,6 +123,8 @@ def test_a_jump_of_everything_starts_it_anew():
     jumped = np.where(log.time >= 60.0, 3e5, 0.0)
     track = filter_receiver(replace(log, pseudorange=log.pseudorange + jumped), MODEL)
     assert track.restarts == (64.0,)
+    assert (track.nis[64], track.dof[64]) == (0.0, 0)
+    assert track.dof[65] > 0
     assert np.abs((track.x - truth)[70:, :3]).max() < 15.0
     smoothed = filter_receiver(replace(log, pseudorange=log.pseudorange + jumped), MODEL, smooth=True)
     np.testing.assert_array_equal(smoothed.x[63], track.x[63])
@@ -135,7 +137,7 @@ def test_process_noise_adds_up():
 
 
 def test_what_cannot_be():
-    log, _ = drawn(1, 3)
+    log, truth = drawn(1, 3)
     with pytest.raises(InputError, match="no epoch has four satellites"):
         filter_receiver(log.take(np.isin(log.satellite, log.satellite[:3])))
     with pytest.raises(InputError, match=r"shapes \(3,\) and \(8, 8\)"):
@@ -144,6 +146,10 @@ def test_what_cannot_be():
         filter_receiver(log, start=(0.0, np.full(8, np.nan), np.eye(8)))
     with pytest.raises(InputError, match="after the first epoch"):
         filter_receiver(log, start=(1.0, np.zeros(8), np.eye(8)))
+    # A start that is known but for one direction, and a model that adds nothing.
+    still = ReceiverModel(acceleration_psd=0.0, clock_phase_psd=0.0, clock_rate_psd=0.0, gate_probability=1.0)
+    with pytest.raises(InputError, match=r"the covariance at [12]\.000 s cannot be smoothed"):
+        filter_receiver(log, still, (0.0, truth[0], np.full((8, 8), 4.0)), smooth=True)
     for change in ({"acceleration_psd": -1.0}, {"clock_rate_psd": np.nan}):
         with pytest.raises(ConfigError, match="must be finite and not negative"):
             ReceiverModel(**change)

@@ -32,6 +32,7 @@ from navfuse.core.rotation import (
     quat_normalize,
     quat_rotate,
     rotvec_from_quat,
+    wrap_pi,
 )
 from navfuse.core.stochastic import gauss_markov_decay, gauss_markov_noise
 
@@ -68,6 +69,31 @@ def _watch_rest(memory, w, f, dt, rest_rate, rest_force):
         force += (f[i] - memory[3 + i]) ** 2
         still = still and abs(memory[i]) <= rest_rate
     return still and rate <= rest_rate * rest_rate and force <= rest_force * rest_force
+
+
+@njit(cache=True, error_model="numpy")
+def _turn_to_field(q, z, H, M, x):
+    """Turn the attitude (4,) about the vertical until the measured field points where `M` does.
+
+    Innovation and the columns of the magnetometer bias in `H` are turned with it, in place; returns the angle [rad]
+    without sign. No checks are made.
+    """
+    seen = np.zeros(2)
+    for i in range(2):
+        seen[i] = z[i] + M[i] + x[LAG] * H[i, LAG]
+    angle = wrap_pi(math.atan2(M[1], M[0]) - math.atan2(seen[1], seen[0]))
+    turned = quat_normalize(quat_multiply(quat_from_rotvec((0.0, 0.0, angle)), (q[0], q[1], q[2], q[3])))
+    for i in range(4):
+        q[i] = turned[i]
+    c, s = math.cos(angle), math.sin(angle)
+    for j in range(BM, BM + 3):
+        H[0, j], H[1, j] = c * H[0, j] - s * H[1, j], s * H[0, j] + c * H[1, j]
+    # The slip of a delay, rate x M, is left as it is: the delay is short, and the rate is nearly vertical or unknown.
+    z[0], z[1] = (
+        c * seen[0] - s * seen[1] - M[0] - x[LAG] * H[0, LAG],
+        s * seen[0] + c * seen[1] - M[1] - x[LAG] * H[1, LAG],
+    )
+    return abs(angle)
 
 
 @njit(cache=True, error_model="numpy")
@@ -278,11 +304,17 @@ def forward(
                 memory[9] += 1.0
                 if memory[8] > patience and memory[9] >= 10.0:
                     # Either the field has changed for good or the heading is wrong: both are doubted, and it is used.
+                    # The heading is first turned by the angle between the fields, for the update is of first order.
                     level = max(math.hypot(x[REF], x[D]), 1.0)
-                    angle = min(math.hypot(z[0], z[1]) / level, 1.5)
+                    angle = _turn_to_field(q, z, H, M, x)
+                    angle = max(angle, min(math.hypot(z[0], z[1]) / level, 1.5))
+                    # It counts as noise of the block, so that the smoother does not carry the change back before it.
+                    square = z[0] * z[0] + z[1] * z[1] + z[2] * z[2]
                     P[PSI + 2, PSI + 2] += angle * angle
+                    P_pred[row, PSI + 2, PSI + 2] += angle * angle
                     for i in range(3):
-                        P[D + i, D + i] += z[0] * z[0] + z[1] * z[1] + z[2] * z[2]
+                        P[D + i, D + i] += square
+                        P_pred[row, D + i, D + i] += square
                     update(P, H, R, z, np.inf, free_mag, S, dx)
                     record[row, 1] = RESET
                     memory[8] = memory[9] = 0.0

@@ -20,6 +20,7 @@ H = (-1 0) and Q with + off the diagonal there. Angles are clockwise from above;
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Literal
 
@@ -34,13 +35,14 @@ from navfuse.core.rotation import wrap_pi
 from navfuse.data.aiding_logs import HeadingLog
 from navfuse.data.result import Innovations
 from navfuse.data.trajectory import wrapped
-from navfuse.errors import ConfigError, InputError
+from navfuse.errors import ConfigError, FilterError, InputError, NavfuseWarning
 
 Array = np.ndarray
 
 SOURCE = "magnetic_heading"
 _STATUS = np.array(["used", "rejected", "reset"])
 _FEWEST_REJECTED = 5
+_FIRST = 9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +68,7 @@ class GyroHeadingSettings:
         Share of good headings that passes the gate; 1 = no gate.
     patience : float [s]
         A heading that follows rejections only, five or more over at least this time, is used whatever it says, after
-        the variance of the heading was enlarged by the square of its innovation.
+        the variance of the heading was enlarged by the square of its innovation and that of the bias by its first one.
     feedback : {"closed", "open"}
         Whether estimates are fed back into the gyro integration after each heading, or kept beside an uncorrected gyro
         heading. The results are the same to rounding, because the filter is linear.
@@ -194,7 +196,12 @@ def _filter(time, turn, measured, variance, settings, closed, x, P, x_before, P_
                 record[k, 3] = 1.0
                 dx[0] = dx[1] = 0.0
                 if rejected >= fewest and time[k] - since >= patience:
+                    # Counted as noise of the step, so that the smoother does not carry the change back before it. The
+                    # bias is doubted too: a wrong one may be why nothing fitted.
                     Pk[0, 0] += z[0] * z[0]
+                    Pk[1, 1] += P[0, 1, 1]
+                    P_before[k, 0, 0] += z[0] * z[0]
+                    P_before[k, 1, 1] += P[0, 1, 1]
                     update(Pk, H, R, z, np.inf, free, S, dx)
                     record[k, 3] = 2.0
                     rejected = 0
@@ -212,14 +219,19 @@ def _filter(time, turn, measured, variance, settings, closed, x, P, x_before, P_
 
 @njit(cache=True, error_model="numpy")
 def _smooth(x, P, x_before, P_before, F, xs, Ps):
-    """Backward pass over what :func:`_filter` left; `xs` and `Ps` come as copies of `x` and `P`. No checks are made."""
+    """Backward pass over what :func:`_filter` left; `xs` and `Ps` come as copies of `x` and `P`.
+
+    Returns the row at which a predicted covariance was not positive definite, -1 if none. No checks are made.
+    """
     e, dx = np.zeros(2), np.zeros(2)
     for k in range(x.shape[0] - 2, -1, -1):
         for i in range(2):
             e[i] = xs[k + 1, i] - x_before[k + 1, i]
-        if smooth(P[k], F[k + 1], P_before[k + 1], Ps[k + 1], e, dx, Ps[k]):
-            for i in range(2):
-                xs[k, i] = x[k, i] + dx[i]
+        if not smooth(P[k], F[k + 1], P_before[k + 1], Ps[k + 1], e, dx, Ps[k]):
+            return k + 1
+        for i in range(2):
+            xs[k, i] = x[k, i] + dx[i]
+    return -1
 
 
 def gyro_heading(
@@ -242,13 +254,21 @@ def gyro_heading(
     Returns
     -------
     GyroHeading
-        From the first heading inside the gyro log on; that heading is the start.
+        From the first heading inside the gyro log on. That heading is the start, unless it lies outside the gate about
+        the circular median of the first nine less what the gyro turned: then the median is.
 
     Raises
     ------
     InputError
         If fewer than two headings lie inside the gyro log, or as
         :func:`~navfuse.attitude.heading_logs.check_heading_against_gyro`.
+    FilterError
+        If a covariance cannot be smoothed, because settings are zero that leave nothing uncertain.
+
+    Warns
+    -----
+    NavfuseWarning
+        If more than half of the headings are rejected.
 
     Notes
     -----
@@ -273,19 +293,59 @@ def gyro_heading(
     n = time.size
     x, x_before, record = np.zeros((n, 2)), np.zeros((n, 2)), np.full((n, 4), np.nan)
     P, P_before, F = np.zeros((n, 2, 2)), np.zeros((n, 2, 2)), np.zeros((n, 2, 2))
-    x[0, 0] = measured[0]
-    P[0] = np.diag([variance[0], settings.gyro_bias_sd**2])
     tail = 1.0 - settings.gate_probability
     gate = float(chdtri(1, tail)) if tail > 0.0 else np.inf
+    x[0, 0], start_variance = _start(time[at], np.cumsum(turn[1:]), measured[at], variance[at], at, settings, gate)
+    P[0] = np.diag([start_variance, settings.gyro_bias_sd**2])
     numbers = (
         settings.gyro_noise, settings.gyro_bias_walk, settings.gyro_scale_sd, gate, settings.patience,
         float(_FEWEST_REJECTED),
     )  # fmt: skip
     _filter(time, turn, measured, variance, numbers, settings.feedback == "closed", x, P, x_before, P_before, F, record)
     xs, Ps = x.copy(), P.copy()
-    _smooth(x, P, x_before, P_before, F, xs, Ps)
+    failed = _smooth(x, P, x_before, P_before, F, xs, Ps)
+    if failed >= 0:
+        raise FilterError(
+            f"{heading.source}: the covariance at {time[failed]:.3f} s cannot be smoothed; "
+            "set gyro_noise, and gyro_bias_sd or gyro_bias_walk, above 0"
+        )
+    innovations = _innovations(time, at, rows, record)
+    rejected = np.count_nonzero(innovations.status == "rejected")
+    if 2 * rejected > len(innovations):
+        warnings.warn(
+            f"{heading.source}: {rejected} of {len(innovations)} headings do not fit {yaw.source} and were rejected; "
+            "check heading_sd, the scale of the gyro and iron near the compass",
+            NavfuseWarning,
+            stacklevel=2,
+        )
     alone = wrapped(x[0, 0] + np.concatenate([[0.0], np.cumsum(turn[1:])]), TWO_PI)
-    return GyroHeading(_solution(time, x, P), _solution(time, xs, Ps), alone, _innovations(time, at, rows, record))
+    return GyroHeading(_solution(time, x, P), _solution(time, xs, Ps), alone, innovations)
+
+
+def _start(
+    time: Array, turned: Array, measured: Array, variance: Array, at: Array, settings: GyroHeadingSettings, gate: float
+) -> tuple[float, float]:
+    """Heading [rad] and its variance at the first row.
+
+    That is the first heading, unless it contradicts the circular median of the first nine, brought there by the gyro.
+    The headings that the median is made of are used again later, so its variance is taken as four times that of one
+    heading: their information then counts an eighth of one heading too much at most. Drift of the gyro comes on top.
+    """
+    few = min(_FIRST, time.size)
+    angle = np.concatenate([[0.0], turned])[at[:few]]
+    there = measured[:few] - angle
+    apart = np.abs(np.angle(np.exp(1j * (there[:, None] - there))))
+    j = int(apart.sum(axis=1).argmin())
+    dt = time[j] - time[0]
+    drift = (
+        settings.gyro_noise**2 * dt
+        + (settings.gyro_bias_sd * dt) ** 2
+        + settings.gyro_bias_walk**2 * dt**3 / 3.0
+        + (settings.gyro_scale_sd * angle[j]) ** 2
+    )
+    if few < 3 or apart[0, j] ** 2 <= gate * (variance[0] + variance[j] + drift):
+        return measured[0], variance[0]
+    return there[j], 4.0 * variance[j] + drift
 
 
 def _solution(time: Array, x: Array, P: Array) -> HeadingSolution:

@@ -150,12 +150,9 @@ def run_forward(
                 if rejected[what] < FEWEST_REJECTED or time[k] - since[what] < patience:
                     break
                 _doubt(cov, z, 3 if what == 0 else 0)
-                # What is added here counts as noise of the step that led here, so that the smoother knows of it.
-                if what == 0 or use_p[k] != USED or record[k, 0, 0] != USED:
-                    x_before[k] = at
-                    P_before[k] = cov
-                else:
-                    _doubt(P_before[k], z, 0)
+                # What is added here counts as noise of the step that led here, so that the smoother knows of it. It is
+                # exact for a velocity behind a position of the same row too, whose gain these variances do not enter.
+                _doubt(P_before[k], z, 3 if what == 0 else 0)
                 record[k, what, 0] = RESET
                 rejected[what] = 0
                 limit = np.inf

@@ -91,7 +91,8 @@ class ReceiverTrack:
     used : (rows,) bool array
         Which pseudo-ranges of the log were used; `used_rate` the same of the range rates.
     nis, dof : (n,) arrays
-        Normalised innovation squared of the measurements used at an epoch, and their number; of the filter.
+        Normalised innovation squared of the measurements used at an epoch, and their number; of the filter. Zero at a
+        start from the measurements of an epoch alone.
     satellites : (n,) int array
         Pseudo-ranges used.
     restarts : tuple of float [s]
@@ -153,7 +154,8 @@ def filter_receiver(
     Raises
     ------
     InputError
-        If no epoch gives a position, the start has the wrong shape, or the covariance fails.
+        If no epoch gives a position, the start has the wrong shape, or the covariance fails, in the filter or the
+        smoother.
 
     Notes
     -----
@@ -187,7 +189,7 @@ def filter_receiver(
         misfits = misfits + 1 if count > STATES // 2 and 2 * satellites[k] < count else 0
         if misfits >= LOCKED_OUT and (fresh := _solved(log, at)) is not None:
             x, P, used[at], used_rate[at] = fresh
-            satellites[k] = used[at].sum()
+            satellites[k], nis[k], dof[k] = used[at].sum(), 0.0, 0
             predicted_x[k], predicted_P[k] = x, P
             restarts.append(k)
             misfits = 0
@@ -195,7 +197,12 @@ def filter_receiver(
             raise InputError(f"{log.source}: the filter failed at {times[begin + k]:.3f} s; are the units right?")
         kept_x[k], kept_P[k] = x, P
     if smooth:
-        _smooth(kept_x, kept_P, Phis, predicted_x, predicted_P, restarts)
+        failed = _smooth(kept_x, kept_P, Phis, predicted_x, predicted_P, restarts)
+        if failed >= 0:
+            raise InputError(
+                f"{log.source}: the covariance at {times[begin + failed]:.3f} s cannot be smoothed; "
+                "are the standard deviations and the start right? A model with more noise helps"
+            )
     again = tuple(float(times[begin + k]) for k in restarts)
     source = f"{log.source}, {'smoothed' if smooth else 'filtered'}"
     return ReceiverTrack(times[begin:], kept_x, kept_P, used, used_rate, nis, dof, satellites, again, source)
@@ -312,9 +319,11 @@ def _use_epoch(x, P, pseudorange, sd, rate, sd_rate, sat_r_e, sat_v_e, gate, pas
         passed[best] = True
 
 
-def _smooth(x: Array, P: Array, Phis: Array, predicted_x: Array, predicted_P: Array, restarts: list[int]) -> None:
-    """Carry what came later back, in place; never across a restart."""
+def _smooth(x: Array, P: Array, Phis: Array, predicted_x: Array, predicted_P: Array, restarts: list[int]) -> int:
+    """Carry what came later back, in place; never across a restart. The epoch that failed, or -1."""
     for k in range(len(x) - 2, -1, -1):
         if k + 1 in restarts:
             continue
-        smooth_step(x[k], P[k], Phis[k + 1], predicted_x[k + 1], predicted_P[k + 1], x[k + 1], P[k + 1])
+        if not smooth_step(x[k], P[k], Phis[k + 1], predicted_x[k + 1], predicted_P[k + 1], x[k + 1], P[k + 1]):
+            return k + 1
+    return -1
