@@ -208,3 +208,16 @@ def test_another_unit_is_refused_from_every_source(folder, source, tmp_path, cap
     assert code == 1, said
     assert said.count("error: ") == 1
     assert "as if they were in km/h" in said
+
+
+def test_inspect_asks_for_the_logs(folder, capsys):
+    home, _ = folder
+    path = project(home, SOURCES["odometer"])
+    with pytest.raises(SystemExit) as ending:
+        main(["inspect", str(path)])
+    assert ending.value.code == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert said.count("error: ") == 1
+    assert "inspect takes its logs one by one: navfuse inspect" in said
+    assert "imu" not in said
+    assert said.endswith("gnss.csv")

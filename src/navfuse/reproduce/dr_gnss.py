@@ -29,6 +29,8 @@ LASTING_S = 16.0
 HEADING_NOISE = np.radians(2.0)
 MODEL = DrModel(velocity_psd=0.2, heading_noise=HEADING_NOISE)
 SETTLED_S = 5.0
+BAR_M = 0.25
+"""Horizontal rms error that a solution should not exceed."""
 
 
 class Logs(NamedTuple):
@@ -145,9 +147,23 @@ def run(wishes: Wishes) -> Study:
         "Workshop 3 of the lecture Multisensor Integrated Navigation (UCL COMP0130)",
         tables,
         _pictures(logs, best, offset, dr_error),
-        NOTES,
+        (_against_the_bar(values), *NOTES),
         numbers_,
     )
+
+
+def _against_the_bar(values: dict[str, dict[str, float]]) -> str:
+    """Whether the solutions are within the error asked of them, the forward one with and without its beginning."""
+    forward, smoothed = (values[f"integrated, {role}"] for role in ("forward", "smoothed"))
+    judged = [
+        f"{name} {error:.3f} m {'meets' if error <= BAR_M else 'misses'} it"
+        for name, error in (
+            ("forward over the whole drive", forward["horizontal_m"]),
+            (f"forward after {SETTLED_S:g} s", forward["horizontal_settled_m"]),
+            ("smoothed over the whole drive", smoothed["horizontal_m"]),
+        )
+    ]
+    return f"Horizontal rms asked for: {BAR_M:g} m. {'; '.join(judged).capitalize()}."
 
 
 def _pictures(logs: Logs, best: Result, offset: Array, dr_error: Array) -> dict[str, Picture]:
