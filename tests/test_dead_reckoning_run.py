@@ -7,6 +7,7 @@ from navfuse.cli.app import main
 from navfuse.data.aiding_logs import BodyVelocityLog, HeadingLog, OdometerLog, WheelSpeedLog
 from navfuse.data.logs import GnssLog
 from navfuse.dead_reckoning.odometry import StartPoint, from_velocity, metres_per_radian
+from navfuse.errors import NavfuseWarning
 from navfuse.io.aiding_tables import write_aiding
 from navfuse.io.log_tables import write_gnss
 from navfuse.io.result_folder import read_result
@@ -144,3 +145,79 @@ def test_one_message_for_what_cannot_be(folder, source, damage, message, tmp_pat
     assert said.count("error: ") == 1
     assert message in said
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", [name for name in SOURCES if name != "trajectory"])
+def test_a_track_before_the_first_fix_is_cut(folder, name):
+    home, true = folder
+    kept = _without_first_fixes(home, 40)
+    with pytest.warns(NavfuseWarning, match="40.0 s before it are cut off; give start.lat_deg"):
+        result = process(project(home, SOURCES[name]))
+    assert kept == result.forward.time[0] == 40.0
+    for best in (result.forward, result.smoothed):
+        rows = np.searchsorted(true.time, best.time)
+        metres = metres_per_radian(true.lat, true.height)[rows]
+        error = np.column_stack((best.lat - true.lat[rows], best.lon - true.lon[rows])) * metres
+        assert np.hypot(*error.T).max() < 6.0
+
+
+def _without_first_fixes(home, number):
+    """Time of the first fix left [s]."""
+    lines = (home / "gnss.csv").read_text().splitlines()
+    (home / "gnss.csv").write_text("\n".join([lines[0], *lines[1 + number :]]) + "\n")
+    return float(number)
+
+
+def test_a_place_to_start_from_keeps_the_whole_track(folder):
+    home, _ = folder
+    _without_first_fixes(home, 40)
+    text = project(home, SOURCES["odometer"]).read_text()
+    place = f"[start]\nlat_deg = {np.degrees(0.8)}\nlon_deg = {np.degrees(0.2)}\nheight_m = 100.0\n"
+    (home / "project.toml").write_text(text.replace("[start]\n", place))
+    with pytest.warns(NavfuseWarning, match="no fix was used from 0.0 s to 40.0 s"):
+        result = process(home / "project.toml")
+    assert not any("cut off" in warning for warning in result.warnings)
+    assert result.forward.time[0] == 0.0
+    assert abs(result.forward.lat[0] - 0.8) < 1e-9
+
+
+def test_the_start_is_no_better_than_its_fix(folder):
+    home, _ = folder
+    path = project(home, SOURCES["odometer"])
+    for sd, at_start in ((1.0, 10.0), (60.0, 60.0)):
+        text = path.read_text().replace(
+            'file = "gnss.csv"', f'file = "gnss.csv"\nsd_floor_m = {sd}\nuse = ["velocity"]'
+        )
+        (home / "other.toml").write_text(text)
+        result = process(home / "other.toml")
+        np.testing.assert_allclose(result.forward.sd_position[0], at_start, rtol=1e-6)
+
+
+@pytest.mark.parametrize("source", ["wheels alone", "wheels with a heading", "body velocity"])
+def test_another_unit_is_refused_from_every_source(folder, source, tmp_path, capsys):
+    home, _ = folder
+    for name, header in (("wheels.csv", "time"), ("radar.csv", "time")):
+        head, *rows = (home / name).read_text().splitlines()
+        assert head.startswith(header)
+        scaled = []
+        for row in rows:
+            first, *cells = row.split(",")
+            scaled.append(",".join([first, *(str(3.6 * float(cell)) if cell else "" for cell in cells)]))
+        (home / name).write_text("\n".join([head, *scaled]) + "\n")
+    code, said = run(capsys, project(home, SOURCES[source]), tmp_path / "out", "--no-report", "--quiet")
+    assert code == 1, said
+    assert said.count("error: ") == 1
+    assert "as if they were in km/h" in said
+
+
+def test_inspect_asks_for_the_logs(folder, capsys):
+    home, _ = folder
+    path = project(home, SOURCES["odometer"])
+    with pytest.raises(SystemExit) as ending:
+        main(["inspect", str(path)])
+    assert ending.value.code == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert said.count("error: ") == 1
+    assert "inspect takes its logs one by one: navfuse inspect" in said
+    assert "imu" not in said
+    assert said.endswith("gnss.csv")

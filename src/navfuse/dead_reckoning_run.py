@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import time
 import warnings
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from navfuse.analysis.plausibility import run_warnings, silence
 from navfuse.analysis.summary import summarize_drive
 from navfuse.config.dead_reckoning import DeadReckoningProject
-from navfuse.data.aiding_logs import HeadingLog
+from navfuse.data.aiding_logs import BodyVelocityLog, HeadingLog, OdometerLog
 from navfuse.data.logs import GnssLog
 from navfuse.data.result import Result
 from navfuse.data.trajectory import Trajectory, wrapped
@@ -26,6 +27,12 @@ from navfuse.io.gnss_table import read_gnss
 from navfuse.io.trajectory_table import read_trajectory
 
 Array = np.ndarray
+Log = TypeVar("Log", OdometerLog, BodyVelocityLog, Steps)
+
+START_SD = 10.0
+"""Of the position at the start [m], where neither the project nor the first fix says more."""
+CUT_S = 1.0
+"""What is cut off the begin of a track without a word [s]: up to the next fix of a usual receiver."""
 
 
 def process_drive(project: DeadReckoningProject) -> Result:
@@ -52,7 +59,7 @@ def process_drive(project: DeadReckoningProject) -> Result:
     model = DrModel(
         velocity_psd=settings.velocity_psd_m2ps3,
         vertical_psd=settings.vertical_psd_m2ps3,
-        sd_position=start.sd_position_m or 10.0,
+        sd_position=start.sd_position_m or np.maximum(gnss.sd_position[_first_inside(track.time, gnss)], START_SD),
         sd_velocity=start.sd_velocity_mps or 1.0,
         heading_noise=float(np.radians(settings.heading_noise_deg)),
         speed_noise=settings.speed_noise_mps,
@@ -115,7 +122,7 @@ def read_fixes(project: DeadReckoningProject) -> GnssLog:
 
 
 def read_track(project: DeadReckoningProject, gnss: GnssLog) -> Trajectory:
-    """The dead-reckoned track of a project; without a start it begins at the fix nearest to its begin.
+    """The dead-reckoned track of a project; without a place to start from it begins at the first fix in it.
 
     Raises
     ------
@@ -123,6 +130,11 @@ def read_track(project: DeadReckoningProject, gnss: GnssLog) -> Trajectory:
         If wheels have no heading to begin with, or their geometry cannot be.
     InputError
         If a log cannot be used, is in another unit than it says, or has no fix in it.
+
+    Warns
+    -----
+    NavfuseWarning
+        If the log begins more than a second before the first fix: where it was before is not known.
     """
     settings = project.dead_reckoning
     if settings.source == "trajectory":
@@ -141,13 +153,15 @@ def read_track(project: DeadReckoningProject, gnss: GnssLog) -> Trajectory:
     if settings.source == "odometer":
         odometer = read_odometer(settings.file, time_offset_s=offset)
         check_speed_unit(odometer, gnss)
-        times, make, log = odometer.time, from_speed_and_heading, odometer
+        make, log = from_speed_and_heading, odometer
     else:
         radar = read_body_velocity(settings.file, time_offset_s=offset)
-        times, make, log = radar.time, from_body_velocity, radar
-    inside = times[(times >= heading.time[0]) & (times <= heading.time[-1])]
-    start = _start(project, gnss, inside if inside.size else times)
-    return make(log, heading, start)  # type: ignore[arg-type]
+        check_speed_unit(OdometerLog(radar.time, radar.velocity_b[:, 0], source=radar.source), gnss)
+        make, log = from_body_velocity, radar
+    inside = np.flatnonzero((log.time >= heading.time[0]) & (log.time <= heading.time[-1]))
+    rows = inside if inside.size else np.arange(log.time.size)
+    first, start = _start(project, gnss, log.time[rows], log.source)
+    return make(_rows_from(log, int(rows[first])), heading, start)  # type: ignore[arg-type]
 
 
 def _wheeled(project: DeadReckoningProject, gnss: GnssLog, heading: HeadingLog | None) -> Trajectory:
@@ -163,8 +177,13 @@ def _wheeled(project: DeadReckoningProject, gnss: GnssLog, heading: HeadingLog |
             raise ConfigError(
                 "start.heading_deg: missing; wheels without dead_reckoning.heading_file need the heading to begin with"
             )
-        steps = wheel_motion(log, geometry, sd_speed=settings.sd_wheel_mps).steps()
-        return from_steps(steps, _start(project, gnss, steps.time), geometry.lever)
+        motion = wheel_motion(log, geometry, sd_speed=settings.sd_wheel_mps)
+        check_speed_unit(OdometerLog(motion.time, motion.speed, source=log.source), gnss)
+        steps = motion.steps()
+        first, start = _start(project, gnss, steps.time, log.source)
+        # The heading given is that at the begin of the log.
+        start = replace(start, heading=start.heading + float(steps.turn[:first].sum()))
+        return from_steps(_rows_from(steps, first), start, geometry.lever)
     rows = (log.time >= heading.time[0]) & (log.time <= heading.time[-1])
     if np.count_nonzero(rows) < 2:
         raise InputError(f"{log.source} and {heading.source} have fewer than two epochs in common")
@@ -172,20 +191,48 @@ def _wheeled(project: DeadReckoningProject, gnss: GnssLog, heading: HeadingLog |
     psi = np.interp(log.time, heading.time, np.unwrap(heading.heading))
     rate = np.gradient(psi, log.time)
     motion = wheel_motion(log, geometry, sd_speed=settings.sd_wheel_mps, yaw_rate=rate, sd_yaw_rate=0.1)
+    check_speed_unit(OdometerLog(motion.time, motion.speed, source=log.source), gnss)
     steps = Steps(log.time, motion.speed[1:] * np.diff(log.time), np.diff(psi), source=log.source)
-    start = replace(_start(project, gnss, log.time), heading=float(psi[0]))
-    return from_steps(steps, start, geometry.lever)
+    first, start = _start(project, gnss, log.time, log.source)
+    return from_steps(_rows_from(steps, first), replace(start, heading=float(psi[first])), geometry.lever)
 
 
-def _start(project: DeadReckoningProject, gnss: GnssLog, times: Array) -> StartPoint:
+def _start(project: DeadReckoningProject, gnss: GnssLog, times: Array, source: str) -> tuple[int, StartPoint]:
+    """Row of `times` at which a track begins, and where: the last row that is no later than the first fix inside.
+
+    Where the project says no place, a row before that has none: a fix is no place of a moving vehicle half a minute
+    earlier.
+    """
     start = project.start
     heading = float(np.radians(start.heading_deg or 0.0))
     if start.lat_deg is not None and start.lon_deg is not None and start.height_m is not None:
-        return StartPoint(float(np.radians(start.lat_deg)), float(np.radians(start.lon_deg)), start.height_m, heading)
+        place = StartPoint(float(np.radians(start.lat_deg)), float(np.radians(start.lon_deg)), start.height_m, heading)
+        return 0, place
     nothing = np.zeros(times.size)
-    check_belongs_together(Trajectory(times, nothing, nothing, nothing, source="the dead-reckoned track"), gnss)
-    k = int(np.argmin(np.abs(gnss.time - times[0])))
-    return StartPoint(float(gnss.lat[k]), float(gnss.lon[k]), float(gnss.height[k]), heading)
+    check_belongs_together(Trajectory(times, nothing, nothing, nothing, source=source), gnss)
+    k = _first_inside(times, gnss)
+    # Two rows are left at least: a step.
+    first = min(int(np.searchsorted(times, gnss.time[k], side="right")) - 1, max(times.size - 2, 0))
+    if times[first] - times[0] > CUT_S:
+        warnings.warn(
+            f"{source} begins at {times[0]:.3f} s and the first fix of {gnss.source} inside is at {gnss.time[k]:.3f} "
+            f"s: {times[first] - times[0]:.1f} s before it are cut off; give start.lat_deg, start.lon_deg and "
+            "start.height_m, the place at which the log begins, to keep them",
+            NavfuseWarning,
+            stacklevel=2,
+        )
+    return first, StartPoint(float(gnss.lat[k]), float(gnss.lon[k]), float(gnss.height[k]), heading)
+
+
+def _first_inside(times: Array, gnss: GnssLog) -> int:
+    """Row of the first fix that is not before the first of `times`; the last row where none is."""
+    return min(int(np.searchsorted(gnss.time, times[0])), gnss.time.size - 1)
+
+
+def _rows_from(log: Log, first: int) -> Log:
+    """A log without the rows before one."""
+    kept = {e.name: v[first:] for e in fields(log) if isinstance(v := getattr(log, e.name), np.ndarray)}
+    return replace(log, **kept)
 
 
 def _thinned(track: Trajectory, rate: float) -> Trajectory:

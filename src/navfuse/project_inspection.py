@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from navfuse.config import Project, load_project
+from navfuse.config import DeadReckoningProject, Project, any_project
 from navfuse.errors import ConfigError
 from navfuse.inspection.declared import NOTHING, Declared
 from navfuse.inspection.findings import Inspection
@@ -34,7 +34,7 @@ def inspect(files: Path_ | Iterable[Path_]) -> Inspection:
     Raises
     ------
     ConfigError
-        If a project file is not usable, or two are given.
+        If a project file is not usable or is one with ``[dead_reckoning]``, or two are given.
     InputError
         If there is nothing to inspect.
     """
@@ -44,7 +44,15 @@ def inspect(files: Path_ | Iterable[Path_]) -> Inspection:
         raise ConfigError(f"{projects[1]}: a second project file; inspect one at a time")
     if not projects:
         return inspect_logs(paths)
-    project = load_project(projects[0])
+    project = any_project(projects[0])
+    if isinstance(project, DeadReckoningProject):
+        # What a project declares is held against an inertial log; here is none.
+        drive = project.dead_reckoning
+        logs = [str(file) for file in (drive.file, drive.heading_file, project.gnss.file) if file is not None]
+        raise ConfigError(
+            f"{projects[0]}: a project with [dead_reckoning]; inspect takes its logs one by one: navfuse inspect "
+            + " ".join(logs)
+        )
     logs = [file for file in (project.imu.file, project.gnss.file) if file is not None]
     return inspect_logs([*logs, *(path for path in paths if path is not projects[0])], declared=declared_by(project))
 

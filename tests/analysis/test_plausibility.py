@@ -148,3 +148,20 @@ def test_a_run_with_two_fixes_only():
 
 def test_a_run_that_never_wanted_fixes_says_nothing():
     assert run_warnings(Result(forward=result().forward)) == []
+
+
+def test_a_dead_reckoned_track_is_told_of_its_own_keys():
+    """No word of an inertial sensor where there is none; the same run with one names it."""
+    nothing = np.zeros((2, 3))
+    states = {"dr_position_error": StateHistory(np.arange(2.0), nothing, nothing + 1.0)}
+    lost = result(3.0, rejected=60, slip_deg=90.0)
+    lost = replace(lost, innovations=lost.innovations.select(lost.innovations.time < 200.0))
+    runs = ((lost, []), with_outages(3.0, 11))
+    inertial = [text for run, spans in runs for text in (*run_warnings(run, spans), *silence(run))]
+    tracks = [(replace(run, states=states), spans) for run, spans in runs]
+    dead = [text for run, spans in tracks for text in (*run_warnings(run, spans), *silence(run))]
+    assert len(dead) == len(inertial) >= 4
+    assert sum("imu." in text or "inertial" in text for text in inertial) >= 4
+    assert not any("imu." in text or "inertial" in text for text in dead)
+    assert any("Check, in this order: the time offset between the logs (dead_reckoning." in text for text in dead)
+    assert any("dead reckoning alone" in text for text in dead)

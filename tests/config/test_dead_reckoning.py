@@ -49,7 +49,15 @@ def test_both_kinds_are_told_apart(tmp_path):
     ("changes", "message"),
     [
         ({"dead_reckoning": {"heading_fil": "x"}}, "did you mean dead_reckoning.heading_file"),
-        ({"imu": {"file": "imu.csv"}}, "imu"),
+        ({"imu": {"file": "imu.csv"}}, r"imu: beside \[dead_reckoning\]; give one or the other"),
+        ({"start": {"time_s": 3.0}}, r"start.time_s: not with \[dead_reckoning\]: cut the log"),
+        ({"start": {"velocity_mps": [0.0, 0.0, 0.0]}}, "start.velocity_mps: not with .* come from the log"),
+        ({"start": {"roll_deg": 1.0, "pitch_deg": 0.0, "heading_deg": 3.0}}, "start.roll_deg: not with"),
+        ({"start": {"heading_deg": 3.0, "sd_attitude_deg": [1.0, 1.0, 1.0]}}, "start.sd_attitude_deg: not with"),
+        ({"dead_reckoning": {"source": "trajectory"}}, 'heading_file: not read by source = "trajectory"; remove it'),
+        ({"dead_reckoning": {"wheel_names": ["a"]}}, 'wheel_names: not read by source = "odometer"'),
+        ({"dead_reckoning": {"sd_wheel_mps": 0.1}}, 'sd_wheel_mps: not read by source = "odometer"'),
+        ({"dead_reckoning": {**WHEELS, "wheel_names": ["a", "a"]}}, 'wheel_names: "a" is there twice'),
         ({"dead_reckoning": {"source": "wheel"}}, 'must be "odometer" or "wheels" or'),
         ({"dead_reckoning": {"velocity_psd_m2ps3": -1.0}}, "must be >= 0"),
         ({"dead_reckoning": {**WHEELS, "wheel_places_m": [[0.0, 1.0]]}}, "2 wheel_names need as many places"),
@@ -68,3 +76,24 @@ def test_what_is_missing():
     for source in ("odometer", "body-velocity"):
         with pytest.raises(ConfigError, match=f'heading_file: missing; source = "{source}" needs headings'):
             any_project({"dead_reckoning": {"source": source, "file": "a.csv"}, "gnss": {"file": "b.csv"}})
+
+
+def test_more_that_is_not_read():
+    gnss = {"file": "gnss.csv"}
+    for changes, message in (
+        ({**WHEELS, "heading_offset_deg": 2.0}, "heading_offset_deg: not read without heading_file"),
+        (
+            {"source": "trajectory", "file": "t.csv", "heading_offset_deg": 2.0},
+            'heading_offset_deg: not read by source = "trajectory"',
+        ),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            any_project({"dead_reckoning": changes, "gnss": gnss})
+
+
+@pytest.mark.parametrize("settings", [FILES["dead_reckoning"], WHEELS, {"source": "trajectory", "file": "t.csv"}])
+def test_a_project_written_down_is_one_again(settings):
+    made = DeadReckoningProject.from_dict(
+        {"dead_reckoning": settings, "gnss": {"file": "g.csv"}, "start": {"heading_deg": 3.0}}
+    )
+    assert DeadReckoningProject.from_dict(tomllib.loads(made.to_toml())) == made

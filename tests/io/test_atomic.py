@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from navfuse.errors import InputError, OutputError
-from navfuse.io.atomic import atomic_file, atomic_folder
+from navfuse.io.atomic import atomic_file, atomic_folder, check_folder
 
 ANY_ERROR = pytest.mark.parametrize("error", [KeyboardInterrupt(), InputError("bad row"), RuntimeError("x")])
 
@@ -209,3 +209,16 @@ def test_reading_error_in_the_block_is_not_taken_for_an_output_error(tmp_path):
     with pytest.raises(FileNotFoundError):
         write_folder(tmp_path / "run", FileNotFoundError(errno.ENOENT, "No such file or directory"))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_is_checked_and_left_as_it_was(tmp_path):
+    check_folder(tmp_path / "deep" / "out")
+    (tmp_path / "old").mkdir()
+    check_folder(tmp_path / "old")
+    (tmp_path / "file").write_text("x")
+    for path, message in ((tmp_path / "file", "is a file, not a folder"), (tmp_path / "file" / "out", "another place")):
+        with pytest.raises(OutputError, match=message):
+            check_folder(path)
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["file", "old"]
+    with pytest.raises(OutputError, match="cannot be written"):
+        check_folder(tmp_path / ("n" * 300))

@@ -42,6 +42,39 @@ ADVICE = (
 """What to look at when the innovations and the claims do not agree: the most frequent cause first."""
 
 
+_WITHOUT_INERTIAL = {
+    ADVICE: (
+        "check, in this order: the time offset between the logs (dead_reckoning.time_offset_s), the unit of the speeds,"
+        " dead_reckoning.wheel_places_m, the headings (dead_reckoning.heading_offset_deg), the errors allowed the track"
+        " (dead_reckoning.velocity_psd_m2ps3, dead_reckoning.heading_noise_deg), and the sigmas of the fixes"
+        " (gnss.sd_scale, gnss.velocity_sd_scale)"
+    ),
+    "the inertial sensor is worse than imu.grade says, or it is not rigidly mounted": (
+        "the track is worse than dead_reckoning.velocity_psd_m2ps3 and dead_reckoning.heading_noise_deg say"
+    ),
+    "noise is probably too small for this sensor (imu.grade)": (
+        "noise is probably too small for this track (dead_reckoning.velocity_psd_m2ps3)"
+    ),
+    "imu.axes or imu.rotation is turned about the vertical (position is right all the same, heading and lever arm are"
+    " not)": "the headings are off (dead_reckoning.heading_offset_deg)",
+    "imu.time_offset_s": "dead_reckoning.time_offset_s",
+    "inertial navigation alone": "dead reckoning alone",
+}
+"""What is said of a dead-reckoned track in the place of what is said of an inertial one."""
+
+
+def in_words_of(result: Result, text: str) -> str:
+    """A sentence on a run in the words and keys of its kind: those of an inertial run, or of a dead-reckoned track."""
+    if "dr_position_error" in result.states:
+        for inertial, other in _WITHOUT_INERTIAL.items():
+            text = text.replace(inertial, other).replace(_capital(inertial), _capital(other))
+    return text
+
+
+def _capital(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}"
+
+
 class Finding(NamedTuple):
     """Something a run says against itself.
 
@@ -80,7 +113,7 @@ def run_findings(
             apart = separation(result.forward, result.smoothed)
         except InputError:
             apart = None
-    return [
+    found = [
         *_unheld(consistency),
         *_innovations(consistency),
         *_in_a_row(result),
@@ -89,6 +122,7 @@ def run_findings(
         *_strange_states(result),
         *_sideways(result),
     ]
+    return [Finding(one.level, in_words_of(result, one.text)) for one in found]
 
 
 def run_warnings(result: Result, exclude: Sequence[tuple[float, float]] = ()) -> list[str]:
@@ -118,7 +152,7 @@ def _innovations(consistency: dict[str, NisSummary]) -> list[Finding]:
     if wrong:
         text = (
             f"innovations are larger than claimed: {', '.join(wrong)}; the standard deviations of this run are too"
-            f" small. {ADVICE[0].upper()}{ADVICE[1:]}"
+            f" small. {_capital(ADVICE)}"
         )
         found.append(Finding("bad", text))
     if outliers:
@@ -252,7 +286,8 @@ def silence(result: Result, exclude: Sequence[tuple[float, float]] = ()) -> list
     if best.sd_position is not None:
         inside = (best.time >= edges[k]) & (best.time <= edges[k + 1])
         sd = f"; the standard deviation grows to {np.max(np.hypot(*best.sd_position[inside, :2].T)):.3g} m horizontally"
-    return [f"no fix was used from {edges[k]:.1f} s to {edges[k + 1]:.1f} s: inertial navigation alone{sd}"]
+    text = f"no fix was used from {edges[k]:.1f} s to {edges[k + 1]:.1f} s: inertial navigation alone{sd}"
+    return [in_words_of(result, text)]
 
 
 def _sideways(result: Result) -> list[Finding]:

@@ -27,6 +27,7 @@ def reproduce(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")] = False,
 ) -> None:
     """Run a published system or study again: its table beside ours, its figures drawn anew."""
+    from navfuse.io.atomic import check_folder
     from navfuse.reproduce import STUDIES, Wishes
     from navfuse.reproduce import reproduce as run
 
@@ -43,6 +44,9 @@ def reproduce(
         raise typer.BadParameter(
             f"no figure can be written as {unknown[0]!r}; there are png, pdf, svg", param_hint="--format"
         )
+    if output is not None:
+        # A study may take long: what cannot be written is told before it.
+        check_folder(output)
     with compilation(quiet), progress(quiet) as tell:
         study = run(name, Wishes(data, runs, seed, tell))
         files = study.write(output, formats) if output is not None else []

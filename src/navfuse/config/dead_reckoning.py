@@ -11,9 +11,31 @@ from pydantic import Field, field_validator, model_validator
 
 from navfuse.config.keys import Number, Section, Vector, key
 from navfuse.config.project import Project, ProjectFile, load_project, read_toml
-from navfuse.config.sections import GnssConfig, OutputConfig, SmootherConfig, StartConfig, _in_folder
+from navfuse.config.sections import (
+    _STANDARD_DEVIATIONS,
+    GnssConfig,
+    OutputConfig,
+    SmootherConfig,
+    StartConfig,
+    _in_folder,
+)
 
 Place = tuple[Number, Number]
+
+_WHEELS = ("wheel_names", "wheel_places_m", "steered_wheels", "sd_wheel_mps")
+_UNREAD = {
+    "odometer": _WHEELS,
+    "wheels": (),
+    "body-velocity": _WHEELS,
+    "trajectory": ("heading_file", "heading_offset_deg", *_WHEELS),
+}
+"""Keys that a source has no use for: given, they would promise what is not done."""
+_INERTIAL_START = {
+    "time_s": "cut the log to begin there",
+    "velocity_mps": "velocities come from the log",
+    "roll_deg": "no attitude but the heading counts",
+    "pitch_deg": "no attitude but the heading counts",
+}
 
 
 class DeadReckoningConfig(Section):
@@ -79,8 +101,18 @@ class DeadReckoningConfig(Section):
     def _whole(self) -> DeadReckoningConfig:
         if self.source in ("odometer", "body-velocity") and self.heading_file is None:
             raise ValueError(f'dead_reckoning.heading_file: missing; source = "{self.source}" needs headings')
+        unread = _UNREAD[self.source]
+        if self.source == "wheels" and self.heading_file is None:
+            unread = ("heading_offset_deg",)
+        for name in unread:
+            if getattr(self, name) != type(self).model_fields[name].default:
+                why = "without heading_file" if self.source == "wheels" else f'by source = "{self.source}"'
+                raise ValueError(f"dead_reckoning.{name}: not read {why}; remove it, or choose another source")
         if self.source != "wheels":
             return self
+        twice = [name for k, name in enumerate(self.wheel_names) if name in self.wheel_names[:k]]
+        if twice:
+            raise ValueError(f'dead_reckoning.wheel_names: "{twice[0]}" is there twice; name every wheel once')
         if not self.wheel_names or len(self.wheel_names) != len(self.wheel_places_m):
             raise ValueError(
                 f"dead_reckoning.wheel_places_m: {len(self.wheel_names)} wheel_names need as many places, at least "
@@ -101,10 +133,29 @@ class DeadReckoningProject(ProjectFile):
     smoother: SmootherConfig = Field(default_factory=SmootherConfig)
     output: OutputConfig = Field(default_factory=OutputConfig)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _no_inertial_sensor(cls, data: Any) -> Any:
+        if isinstance(data, Mapping) and "imu" in data:
+            raise ValueError(
+                "imu: beside [dead_reckoning]; give one or the other: [imu] for inertial navigation, [dead_reckoning] "
+                "for a track corrected by GNSS"
+            )
+        return data
+
     @model_validator(mode="after")
     def _consistent(self) -> DeadReckoningProject:
         if self.gnss.file is None:
             raise ValueError("gnss.file: missing; dead reckoning is corrected by GNSS")
+        for name, instead in _INERTIAL_START.items():
+            if getattr(self.start, name) is not None:
+                raise ValueError(f"start.{name}: not with [dead_reckoning]: {instead}; remove it")
+        # The default comes with a heading, and with it back from a project that was written.
+        if self.start.sd_attitude_deg not in (None, _STANDARD_DEVIATIONS["sd_attitude_deg"][1]):
+            raise ValueError(
+                "start.sd_attitude_deg: not with [dead_reckoning]: headings have dead_reckoning.heading_noise_deg; "
+                "remove it"
+            )
         if any(self.gnss.lever_arm_m):
             raise ValueError(
                 "gnss.lever_arm_m: not with [dead_reckoning]: the track is that of the antenna; wheel_places_m counts "

@@ -64,15 +64,16 @@ def check_speed_unit(odometer: OdometerLog, gnss: GnssLog) -> None:
     """
     time, velocity = _moving(gnss)
     inside = (time >= odometer.time[0]) & (time <= odometer.time[-1]) if odometer.time.size else np.zeros(0, bool)
-    if np.count_nonzero(inside) < FEWEST:
+    known = np.isfinite(odometer.speed)
+    if np.count_nonzero(inside) < FEWEST or not known.any():
         return
-    speed = np.abs(np.interp(time[inside], odometer.time, odometer.speed))
+    speed = np.abs(np.interp(time[inside], odometer.time[known], odometer.speed[known]))
     ratio = float(np.median(speed / np.hypot(*velocity[inside].T)))
     unit, factor = min(SPEED_UNITS, key=lambda known: abs(ratio / known[1] - 1.0))
     if abs(ratio / factor - 1.0) < TOLERANCE:
         raise InputError(
             f"{odometer.source}: speeds are {ratio:.3g} times those of {gnss.source}, as if they were in {unit}; "
-            "convert them, or name the unit in the column (speed_kmph, speed_knots, ...)"
+            "convert them, or name the unit in the column (such as speed_kmph or speed_knots for speed_mps)"
         )
 
 

@@ -101,6 +101,24 @@ def atomic_folder(path: str | os.PathLike[str], stale: Iterable[str] = ()) -> It
                 folder.rmdir()
 
 
+def check_folder(path: str | os.PathLike[str]) -> None:
+    """Make sure that :func:`atomic_folder` can write to a folder, before long work; nothing is left behind.
+
+    Raises
+    ------
+    OutputError
+        If the destination is no folder or cannot be written.
+    """
+    path = Path(path)
+    try:
+        staging, made = _make_staging(path)
+    except OSError as error:
+        raise _cannot_write(path, error) from error
+    staging.rmdir()
+    for folder in made:
+        folder.rmdir()
+
+
 def refuse_to_replace(inputs: Iterable[Path], folder: str | os.PathLike[str], names: Iterable[str]) -> None:
     """Refuse an output folder in which one of the files to be written or removed is an input.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from navfuse.analysis.consistency import NisSummary
 from navfuse.analysis.metrics import ErrorMetrics, ErrorSeries
-from navfuse.analysis.plausibility import ADVICE, run_findings
+from navfuse.analysis.plausibility import ADVICE, in_words_of, run_findings
 from navfuse.analysis.plausibility import APART as PLAINLY_APART
 from navfuse.analysis.separation import separation_factors
 from navfuse.data.gps_epoch import GpsEpoch
@@ -107,7 +107,8 @@ def judge(
     points += [Point("check", readable(text)) for text in result.warnings if _head(text) not in told]
     order = {"bad": 0, "check": 1, "info": 2}
     points.sort(key=lambda point: order[point.level])
-    points = _advice_once(points)
+    points = [Point(one.level, in_words_of(result, one.text)) for one in points]
+    points = _advice_once(points, in_words_of(result, ADVICE))
     level = points[0].level if points else "good"
     cards = _cards(result, consistency, metrics, bare=bare, doubtful=level == "bad")
     return Verdict("good" if level == "info" else level, tuple(points), tuple(cards), bare)
@@ -144,13 +145,13 @@ def readable(text: str) -> str:
     return text[:1].upper() + text[1:] if re.match(r"[a-z]+ ", text) else text
 
 
-def _advice_once(points: list[Point]) -> list[Point]:
+def _advice_once(points: list[Point], advice: str) -> list[Point]:
     """The same advice stands at the first point that gives it; the others refer to it."""
     told, found = False, []
     for level, text in points:
         if told:
-            text = text.replace(f"; {ADVICE}", "; check the same as above, in the same order")
-        told = told or ADVICE[1:] in text
+            text = text.replace(f"; {advice}", "; check the same as above, in the same order")
+        told = told or advice[1:] in text
         found.append(Point(level, text))
     return found
 

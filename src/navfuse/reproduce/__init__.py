@@ -5,6 +5,7 @@ Each study is a module with a function ``run(wishes) -> Study``.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import import_module
 from typing import NamedTuple
 
@@ -25,18 +26,27 @@ class Entry(NamedTuple):
     title : str
     data : str
         Folder of published data that it reads, "" for none.
+    heeds : tuple of str
+        Of ``runs`` and ``seed``, what it has a use for.
     """
 
     module: str
     title: str
     data: str = ""
+    heeds: tuple[str, ...] = ()
 
 
 STUDIES = {
-    "ins-gps-thesis": Entry("ins_gps_thesis", "Simple EKF and Full EKF on a flight of 300 s (thesis, Brno 2013)"),
-    "gyro-magnetometer": Entry("attitude_systems:heading", "Heading from a gyro and a compass, two states (lecture)"),
+    "ins-gps-thesis": Entry(
+        "ins_gps_thesis", "Simple EKF and Full EKF on a flight of 300 s (thesis, Brno 2013)", heeds=("runs", "seed")
+    ),
+    "gyro-magnetometer": Entry(
+        "attitude_systems:heading", "Heading from a gyro and a compass, two states (lecture)", heeds=("runs",)
+    ),
     "ahrs": Entry("attitude_systems:ahrs", "Attitude and heading reference beside VQF", "broad"),
-    "first-ins-gnss": Entry("planar_tutorial", "A first INS/GNSS in the plane (tutorial, NASA 2015)"),
+    "first-ins-gnss": Entry(
+        "planar_tutorial", "A first INS/GNSS in the plane (tutorial, NASA 2015)", heeds=("runs", "seed")
+    ),
     "gnss-course": Entry(
         "gnss_course", "Positions, velocities and clock of a receiver (lecture, Workshops 1 and 2)", "ucl-comp0130"
     ),
@@ -57,6 +67,7 @@ def reproduce(name: str, wishes: Wishes | None = None) -> Study:
     name : str
         Key of :data:`STUDIES`.
     wishes : Wishes, optional
+        Runs or a seed that the study has no use for are told in its notes.
 
     Raises
     ------
@@ -71,4 +82,14 @@ def reproduce(name: str, wishes: Wishes | None = None) -> Study:
         raise ConfigError(f"there is no study {name!r}; {advice}")
     module, _, function = STUDIES[name].module.partition(":")
     run = getattr(import_module(f"navfuse.reproduce.{module}"), function or "run")
-    return run(Wishes() if wishes is None else wishes)
+    wishes = Wishes() if wishes is None else wishes
+    study = run(wishes)
+    ignored = [
+        f"{word} = {getattr(wishes, word)}"
+        for word in ("runs", "seed")
+        if word not in STUDIES[name].heeds and getattr(wishes, word) != getattr(Wishes, word)
+    ]
+    if ignored:
+        note = f"{' and '.join(ignored)} had no effect: this study draws nothing that depends on it."
+        study = replace(study, notes=(*study.notes, note))
+    return study

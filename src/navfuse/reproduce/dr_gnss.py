@@ -14,6 +14,7 @@ from navfuse.data.trajectory import Trajectory
 from navfuse.dead_reckoning.checks import check_heading_unit, check_speed_unit
 from navfuse.dead_reckoning.integration import DrModel, integrate
 from navfuse.dead_reckoning.odometry import StartPoint, from_speed_and_heading
+from navfuse.errors import InputError
 from navfuse.report.study_figures import Curve, Panel, Picture
 from navfuse.reproduce.drives import consistency_table, difference_n, map_picture, numbers, rms
 from navfuse.reproduce.study import Study, Table, Wishes
@@ -28,6 +29,8 @@ LASTING_S = 16.0
 HEADING_NOISE = np.radians(2.0)
 MODEL = DrModel(velocity_psd=0.2, heading_noise=HEADING_NOISE)
 SETTLED_S = 5.0
+BAR_M = 0.25
+"""Horizontal rms error that a solution should not exceed."""
 
 
 class Logs(NamedTuple):
@@ -44,13 +47,14 @@ def read(wishes: Wishes) -> Logs:
     Raises
     ------
     InputError
-        If a file is missing or no such table, or its units are not those expected.
+        If a file is missing or no such table, its units are not those expected, or the truth does not cover the fixes.
     """
     folder = ("ucl-comp0130", "workshops")
     dead = wishes.file(*folder, "Workshop3_Speed_Heading.csv")
     speed = numbers(dead, 3)
     g = numbers(wishes.file(*folder, "Workshop3_GNSS_Pos_Vel_NED.csv"), 7)
-    t = numbers(wishes.file("groves-profiles", "Profile_2.csv"), 10)
+    truth_file = wishes.file("groves-profiles", "Profile_2.csv")
+    t = numbers(truth_file, 10)
     interval = float(np.median(np.diff(g[:, 0])))
     # Errors that last count as often as they are given anew.
     sd = SD_SCATTER * np.sqrt(2.0 * LASTING_S / interval)
@@ -62,6 +66,11 @@ def read(wishes: Wishes) -> Logs:
     heading = HeadingLog(speed[:, 0], np.radians(speed[:, 2]) % (2.0 * np.pi), source=dead.name)
     check_speed_unit(odometer, gnss)
     check_heading_unit(heading, gnss)
+    if not (t[0, 0] <= g[0, 0] and g[-1, 0] <= t[-1, 0]):
+        raise InputError(
+            f"{truth_file}: covers {t[0, 0]:.3f} .. {t[-1, 0]:.3f} s, the fixes {g[0, 0]:.3f} .. {g[-1, 0]:.3f} s; the "
+            "truth has to cover them: is the file cut short? Get it anew"
+        )
     at = np.column_stack([np.interp(g[:, 0], t[:, 0], t[:, k]) for k in range(1, 7)])
     truth = Trajectory(g[:, 0], np.radians(at[:, 0]), np.radians(at[:, 1]), at[:, 2], at[:, 3:6], source="truth")
     return Logs(from_speed_and_heading(odometer, heading, START), gnss, truth)
@@ -138,9 +147,23 @@ def run(wishes: Wishes) -> Study:
         "Workshop 3 of the lecture Multisensor Integrated Navigation (UCL COMP0130)",
         tables,
         _pictures(logs, best, offset, dr_error),
-        NOTES,
+        (_against_the_bar(values), *NOTES),
         numbers_,
     )
+
+
+def _against_the_bar(values: dict[str, dict[str, float]]) -> str:
+    """Whether the solutions are within the error asked of them, the forward one with and without its beginning."""
+    forward, smoothed = (values[f"integrated, {role}"] for role in ("forward", "smoothed"))
+    judged = [
+        f"{name} {error:.3f} m {'meets' if error <= BAR_M else 'misses'} it"
+        for name, error in (
+            ("forward over the whole drive", forward["horizontal_m"]),
+            (f"forward after {SETTLED_S:g} s", forward["horizontal_settled_m"]),
+            ("smoothed over the whole drive", smoothed["horizontal_m"]),
+        )
+    ]
+    return f"Horizontal rms asked for: {BAR_M:g} m. {'; '.join(judged).capitalize()}."
 
 
 def _pictures(logs: Logs, best: Result, offset: Array, dr_error: Array) -> dict[str, Picture]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -23,14 +24,23 @@ def numbers(path: Path, columns: int) -> Array:
     Raises
     ------
     InputError
-        If it is none, or has another number of columns.
+        If it is none, is empty, has another number of columns, or a cell that is not finite.
     """
     try:
-        table = np.loadtxt(path, delimiter=",", ndmin=2)
+        with warnings.catch_warnings():
+            # An empty file is an error here, told below.
+            warnings.filterwarnings("ignore", "loadtxt: input contained no data", UserWarning)
+            table = np.loadtxt(path, delimiter=",", ndmin=2)
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: not a table of numbers with commas: {error}") from error
-    if table.shape[1] != columns or not np.isfinite(table).all():
+    if not table.size:
+        raise InputError(f"{path}: there is not a single row in it; get the file anew")
+    if table.shape[1] != columns:
         raise InputError(f"{path}: needs {columns} columns of numbers; it has {table.shape[1]}")
+    bad = np.argwhere(~np.isfinite(table))
+    if bad.size:
+        row, column = bad[0]
+        raise InputError(f"{path}: row {row + 1}, column {column + 1}: {table[row, column]} is no number; get it anew")
     return table
 
 
