@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from navfuse.core.fused import fused
-from navfuse.core.kalman import invert
-from navfuse.core.linear_kalman import propagate, smooth
+from navfuse.core.linear_kalman import innovation, propagate, smooth
 
 
 @fused
@@ -66,28 +65,8 @@ def update(x, P, z, H, R, gate):
     :func:`navfuse.core.linear_kalman.update` has the same with differences, which is faster. No checks are made.
     """
     n, d = x.size, z.size
-    HP = np.zeros((d, n))
-    for a in range(d):
-        for k in range(n):
-            h = H[a, k]
-            if h != 0.0:
-                for j in range(n):
-                    HP[a, j] += h * P[k, j]
-    S = np.empty((d, d))
-    for a in range(d):
-        for b in range(a + 1):
-            v = R[a, b]
-            for k in range(n):
-                v += HP[a, k] * H[b, k]
-            S[a, b] = v
-            S[b, a] = v
-    inverse = np.empty((d, d))
-    if not invert(S, inverse):
-        return np.nan
-    nis = 0.0
-    for a in range(d):
-        for b in range(d):
-            nis += z[a] * inverse[a, b] * z[b]
+    HP, S, inverse = np.zeros((d, n)), np.empty((d, d)), np.empty((d, d))
+    nis = innovation(P, H, R, z, HP, S, inverse)
     if not nis <= gate:
         return nis
     K = np.zeros((n, d))

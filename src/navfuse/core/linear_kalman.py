@@ -51,6 +51,49 @@ def propagate(P, F, Q, out):
 
 
 @fused
+def innovation(P, H, R, z, G, S, Sinv):
+    """Covariance of an innovation, and its normalised square.
+
+    Parameters
+    ----------
+    P : (n, n), H : (d, n), R : (d, d), z : (d,) arrays
+        See :func:`update`.
+    G : (d, n), S : (d, d), Sinv : (d, d) arrays
+        Receive H P, for which G has to hold zeros, ``S = H P H^T + R`` and its inverse.
+
+    Returns
+    -------
+    float
+        ``z^T S^-1 z``; NaN if S is not positive definite.
+
+    Notes
+    -----
+    No checks are made.
+    """
+    n, d = P.shape[0], z.size
+    for a in range(d):
+        for j in range(n):
+            h = H[a, j]
+            if h != 0.0:
+                for i in range(n):
+                    G[a, i] += h * P[j, i]
+    for a in range(d):
+        for b in range(a + 1):
+            v = R[a, b]
+            for j in range(n):
+                v += G[a, j] * H[b, j]
+            S[a, b] = v
+            S[b, a] = v
+    if not invert(S, Sinv):
+        return np.nan
+    nis = 0.0
+    for a in range(d):
+        for b in range(d):
+            nis += z[a] * Sinv[a, b] * z[b]
+    return nis
+
+
+@fused
 def update(P, H, R, z, gate, free, S, dx):
     """Gate a measurement and, if it passes, update the covariance in place.
 
@@ -78,27 +121,8 @@ def update(P, H, R, z, gate, free, S, dx):
     ``P+ = (I - K H) P (I - K H)^T + K R K^T``, valid for any gain (Groves 2013, eq. 3.58). No checks are made.
     """
     n, d = P.shape[0], z.size
-    G = np.zeros((d, n))
-    for a in range(d):
-        for j in range(n):
-            h = H[a, j]
-            if h != 0.0:
-                for i in range(n):
-                    G[a, i] += h * P[j, i]
-    for a in range(d):
-        for b in range(a + 1):
-            v = R[a, b]
-            for j in range(n):
-                v += G[a, j] * H[b, j]
-            S[a, b] = v
-            S[b, a] = v
-    Sinv = np.empty((d, d))
-    if not invert(S, Sinv):
-        return np.nan
-    nis = 0.0
-    for a in range(d):
-        for b in range(d):
-            nis += z[a] * Sinv[a, b] * z[b]
+    G, Sinv = np.zeros((d, n)), np.empty((d, d))
+    nis = innovation(P, H, R, z, G, S, Sinv)
     if not nis <= gate:
         return nis
     K = np.zeros((n, d))

@@ -327,4 +327,9 @@ def _nothing(data: bytes, source: str) -> str:
 
 def is_vectornav_binary(path: Path) -> bool:
     """Whether there is a sound packet in a file."""
-    return next(_packets(path.read_bytes()), None) is not None
+    return holds_packet(path.read_bytes())
+
+
+def holds_packet(data: bytes) -> bool:
+    """Whether there is a sound packet among some bytes."""
+    return next(_packets(data), None) is not None

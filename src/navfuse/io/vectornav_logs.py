@@ -23,7 +23,7 @@ from navfuse.io.tables import check_file
 from navfuse.io.vectornav_ascii import EXTENSIONS as ASCII_EXTENSIONS
 from navfuse.io.vectornav_ascii import parse_sentences
 from navfuse.io.vectornav_binary import EXTENSIONS as BINARY_EXTENSIONS
-from navfuse.io.vectornav_binary import is_vectornav_binary, parse_packets
+from navfuse.io.vectornav_binary import holds_packet, parse_packets
 from navfuse.io.vectornav_messages import Messages, VectorNavLog
 from navfuse.io.vectornav_times import Clock, clock_of, epoch_of, finite_rows, numbers, row_names, timed_rows
 
@@ -78,8 +78,8 @@ def read_vectornav(path: str | os.PathLike[str]) -> VectorNavLog:
         If the file cannot be read, or holds neither sentences nor packets.
     """
     file = check_file(path, tuple(dict.fromkeys(ASCII_EXTENSIONS + BINARY_EXTENSIONS)))
-    parse = parse_packets if is_vectornav_binary(file) else parse_sentences
-    log = parse(file.read_bytes(), str(file))
+    data = file.read_bytes()
+    log = (parse_packets if holds_packet(data) else parse_sentences)(data, str(file))
     for note in log.notes:
         warnings.warn(note, NavfuseWarning, stacklevel=2)
     return log
